@@ -20,8 +20,9 @@ namespace {
 
 constexpr int kDefaultColumns = 80;
 
-/// Between two calls no thread of ours waits for the network, and gRPC looks at a connection that is being made at this
-/// interval only. Its default of 5000 ms delays a client's return after an outage by as much again as the pauses do.
+/// Between two calls no thread of ours waits for the network, and gRPC looks at a connection that is being
+/// made at this interval only. Its default of 5000 ms delays a client's return after an outage by as much
+/// again as the pauses do.
 constexpr const char* kConnectionPollMs = "200";
 
 int TerminalColumns() {

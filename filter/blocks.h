@@ -91,8 +91,9 @@ class BlockGrid {
 using BlockFilter = absl::FunctionRef<absl::StatusOr<std::vector<Picture>>(const EdgedImage&)>;
 
 /// Filters a film block by block, from left to right and from the top down. The pictures go to `sink`, one
-/// row of blocks at a time: as the layers named in `pictures`, with the film's channels named in `passed_on`. Memory
-/// holds one block, the memory of `filter` for it, and the rows of the result that one row of blocks overlaps.
+/// row of blocks at a time: as the layers named in `pictures`, with the film's channels named in `passed_on`.
+/// Memory holds one block, the memory of `filter` for it, and the rows of the result that one row of blocks
+/// overlaps.
 /// Errors: those of the film, `filter` and `sink`; kInvalidArgument for a name in `passed_on` that is not a
 ///         channel.
 absl::Status FilterInBlocks(FilmSource* film, const BlockParams& params,

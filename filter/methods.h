@@ -37,9 +37,8 @@ absl::Status CheckMethod(std::string_view method);
 /// Edges:   clamped. A frame of more than 1536 x 1536 pixels, or longer than 4096, is filtered in fixed blocks that
 ///          overlap, see BlockParams.
 /// `method`: the name of one of Methods(). Its parameters may follow, as in
-/// "bilateral:sigma_s=4,sigma_r=0.1".
-/// `edges`, `fragments`: the film's edge set and fragments, see EdgedImage; null or without channels if the film has
-/// none.
+/// "bilateral:sigma_s=4,sigma_r=0.1". `edges`, `fragments`: the film's edge set and fragments, see
+/// EdgedImage; null or without channels if the film has none.
 /// Errors:  kInvalidArgument naming a channel that is missing; those of CheckMethod.
 /// Threads: safe concurrently; the result is identical for any pool, null included.
 /// Source:  Gruzdev, Frolov & Ignatenko 2015; oracle: manifold_slow.cc. Methods() names the source of each

@@ -228,8 +228,8 @@ int AwaitSignal(lumifold::server::Server& server, const sigset_t& signals, Servi
   return received;
 }
 
-/// Runs a coordinator until a signal ends it. One whose jobs others have taken, as it gave no sign of life for a while, starts
-/// anew with nothing of what it knew.
+/// Runs a coordinator until a signal ends it. One whose jobs others have taken, as it gave no sign of life
+/// for a while, starts anew with nothing of what it knew.
 int Serve(lumifold::server::ServerOptions options, const sigset_t& end_signals, ServiceManager* manager) {
   const std::string host = options.listen.substr(0, options.listen.rfind(':'));
   bool is_first = true;

@@ -129,7 +129,8 @@ class ServerImpl final : public Server {
   absl::Status ShowPage();
   absl::StatusOr<v1::PageLink> MakePageLink(const std::string& credential,
                                             const v1::CreatePageLinkRequest& request) const;
-  /// Builds the gRPC server; calls inside the process can be made, and the listener is open but does not accept.
+  /// Builds the gRPC server; calls inside the process can be made, and the listener is open but does not
+  /// accept.
   absl::Status StartServices();
   absl::Status OpenListener(grpc::ServerBuilder* builder);
   absl::Status OpenAudit();
@@ -274,10 +275,10 @@ absl::Status ServerImpl::OpenCoordinator() {
 }
 
 void ServerImpl::OpenPreviews() {
-  const auto make = [this](const job::JobId& job, int32_t frame, const PreviewWish& wish) {
+  const auto make = [this](const job::JobId& job, int32_t frame, const PreviewRequest& request) {
     return options_.filter_in_child_process
-               ? RunMakePreview(&preview_process_, folder_, job, frame, wish)
-               : MakePreview(folder_, *store_, job, frame, wish, /*pool=*/nullptr);
+               ? RunMakePreview(&preview_process_, folder_, job, frame, request)
+               : MakePreview(folder_, *store_, job, frame, request, /*pool=*/nullptr);
   };
   previews_ = std::make_unique<PreviewMaker>(
       PreviewOptions{.make = make,

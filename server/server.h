@@ -33,15 +33,16 @@ struct ServerOptions {
   std::string page_address;
   /// PEM file with key and certificates of the page off loopback; empty: those of access control.
   std::string page_certificate;
-  /// Plain text off loopback is allowed. Without effect where the data folder has access control, see DataFolder.
+  /// Plain text off loopback is allowed. Without effect where the data folder has access control, see
+  /// DataFolder.
   bool insecure = false;
-  /// HOST:PORT where clients, workers and other coordinators of the farm reach this one, with a store that coordinators share;
-  /// empty: made from `listen` and the name of this machine.
+  /// HOST:PORT where clients, workers and other coordinators of the farm reach this one, with a store that
+  /// coordinators share; empty: made from `listen` and the name of this machine.
   std::string advertise;
   /// Time without a sign of life after which another coordinator takes the jobs of this one.
   absl::Duration failover = absl::Seconds(3);
-  /// Called once, from any thread, when another coordinator has taken the jobs: this server is of no use any more; start
-  /// another one.
+  /// Called once, from any thread, when another coordinator has taken the jobs: this server is of no use any
+  /// more; start another one.
   std::function<void()> on_expelled = [] {};
   /// Lifetime of the certificates that access control signs.
   absl::Duration certificate_lifetime = access::kCredentialLifetime;
@@ -81,15 +82,16 @@ struct ServerOptions {
   std::shared_ptr<spdlog::logger> log;
 };
 
-/// A coordinator with its gRPC server: locks the data folder, restores unfinished jobs, listens. With a store that
-/// coordinators share it locks nothing: it joins those that use the store, and adopts the jobs of those that are gone.
+/// A coordinator with its gRPC server: locks the data folder, restores unfinished jobs, listens. With a store
+/// that coordinators share it locks nothing: it joins those that use the store, and adopts the jobs of those
+/// that are gone.
 /// Threads: safe.
 class Server {
  public:
-  /// Errors: kFailedPrecondition where another coordinator uses the folder, the folder has jobs but no ledger (see
-  /// recover.h), or the address is not allowed; kDataLoss for a malformed ledger;
-  /// kInvalidArgument for a malformed address or a lease shorter than two heartbeats; kUnavailable naming the
-  /// address or the file that cannot be used.
+  /// Errors: kFailedPrecondition where another coordinator uses the folder, the folder has jobs but no ledger
+  /// (see recover.h), or the address is not allowed; kDataLoss for a malformed ledger; kInvalidArgument for a
+  /// malformed address or a lease shorter than two heartbeats; kUnavailable naming the address or the file
+  /// that cannot be used.
   static absl::StatusOr<std::unique_ptr<Server>> Start(ServerOptions options);
 
   /// Calls Shutdown.
@@ -101,8 +103,8 @@ class Server {
   /// A channel to this server within the process. Valid until the server is destroyed.
   virtual std::shared_ptr<grpc::Channel> InProcessChannel() = 0;
 
-  /// Takes the way of a call through the coordinator, and blocks where that hangs: for watchdogs. Errors: those of the
-  /// storage; the coordinator works all the same.
+  /// Takes the way of a call through the coordinator, and blocks where that hangs: for watchdogs. Errors:
+  /// those of the storage; the coordinator works all the same.
   virtual absl::Status Check() = 0;
 
   /// Ends all calls, commits the accepted units and stops. Returns within a second, unless a frame is being

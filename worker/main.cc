@@ -58,9 +58,9 @@ std::string DefaultName() {
   return absl::StrCat(host, ":", getpid());
 }
 
-/// Notifies `leave` on the first SIGINT or SIGTERM. A SIGINT after that, of somebody who does not want to wait, ends the
-/// process; further SIGTERMs do not, because cluster engines send several. The signals are blocked in all threads and
-/// received by sigwait, so that no code runs in a signal handler.
+/// Notifies `leave` on the first SIGINT or SIGTERM. A SIGINT after that, of somebody who does not want to
+/// wait, ends the process; further SIGTERMs do not, because cluster engines send several. The signals are
+/// blocked in all threads and received by sigwait, so that no code runs in a signal handler.
 std::thread WatchSignals(lumifold::threads::Event* leave) {
   sigset_t set;
   sigemptyset(&set);
@@ -170,12 +170,13 @@ void AddFlags(CLI::App* app, Flags* flags) {
 
 /// Files and sockets of gRPC and the log; a coordinator and its names need a few dozen.
 constexpr uint64_t kMaxOpenFiles = 1024;
-/// A worker writes no files but its log, its certificate and the assets of --asset-cache; larger ones are not kept there.
+/// A worker writes no files but its log, its certificate and the assets of --asset-cache; larger ones are not
+/// kept there.
 constexpr uint64_t kMaxFileBytes = uint64_t{16} << 30;
 constexpr uint16_t kDnsPort = 53;
 
-/// The ports of the coordinators and of name servers; none, for all, where gRPC goes through a proxy or an address has no
-/// port.
+/// The ports of the coordinators and of name servers; none, for all, where gRPC goes through a proxy or an
+/// address has no port.
 std::vector<uint16_t> PortsOf(const std::vector<std::string>& servers) {
   for (const char* proxy : {"grpc_proxy", "https_proxy", "http_proxy"}) {
     if (std::getenv(proxy) != nullptr) return {};
@@ -257,7 +258,8 @@ absl::StatusOr<Target> FindTarget(const Flags& flags, const lumifold::identity::
   return target;
 }
 
-/// The user that a worker becomes when started as root: with a profile its owner, who must be able to renew it.
+/// The user that a worker becomes when started as root: with a profile its owner, who must be able to renew
+/// it.
 absl::StatusOr<std::string> UserFor(const Flags& flags, const Target& target) {
   if (target.folder.empty() || geteuid() != 0) return flags.user;
   struct stat info = {};
@@ -277,7 +279,8 @@ absl::Status PrepareAssetCache(const Flags& flags, const Target& target) {
                                            becomes == nullptr ? geteuid() : becomes->pw_uid);
 }
 
-/// Listens where metrics are to be shown; nullopt: nowhere. Before the sandbox, in which nothing may listen any more.
+/// Listens where metrics are to be shown; nullopt: nowhere. Before the sandbox, in which nothing may listen
+/// any more.
 absl::StatusOr<std::optional<lumifold::monitoring::EndpointSockets>> ListenForMetrics(const Flags& flags) {
   if (flags.metrics_address.empty()) return std::nullopt;
   absl::StatusOr<lumifold::monitoring::EndpointSockets> sockets =

@@ -37,8 +37,8 @@ class Autoscaler {
   /// `engine` must outlive it.
   Autoscaler(AutoscalerOptions options, History history, Engine* engine);
 
-  /// One step, and its decision. Where farm or engine cannot be read nothing is started or released. A start that the engine
-  /// refuses is no error: the next steps wait (see Decide).
+  /// One step, and its decision. Where farm or engine cannot be read nothing is started or released. A start
+  /// that the engine refuses is no error: the next steps wait (see Decide).
   /// Errors: those of farm and engine, with kDeadlineExceeded as kUnavailable; those of keeping the history.
   absl::StatusOr<Decision> Step();
 

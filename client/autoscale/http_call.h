@@ -24,8 +24,8 @@ struct HttpAnswer {
 };
 
 /// One call over HTTP or HTTPS, without redirects and proxies.
-/// Errors: kUnavailable, with the URL, when no whole answer came within `timeout`, or one of more than 64 MiB. An answer of any
-/// code is no error.
+/// Errors: kUnavailable, with the URL, when no whole answer came within `timeout`, or one of more than 64
+/// MiB. An answer of any code is no error.
 absl::StatusOr<HttpAnswer> CallHttp(const HttpRequest& request);
 
 /// The text as part of a query.

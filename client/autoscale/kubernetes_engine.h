@@ -20,9 +20,10 @@ struct KubernetesOptions {
   absl::Duration timeout = absl::Seconds(10);
 };
 
-/// A Deployment of workers, by the Kubernetes API. A start or release changes its number of replicas in the version that was
-/// seen: of two autoscalers that change it at the same time one gets kAborted. Replicas without a pod are pending requests.
-/// Released pods get a low deletion cost, so that the cluster ends those and no busy ones.
+/// A Deployment of workers, by the Kubernetes API. A start or release changes its number of replicas in the
+/// version that was seen: of two autoscalers that change it at the same time one gets kAborted. Replicas
+/// without a pod are pending requests. Released pods get a low deletion cost, so that the cluster ends those
+/// and no busy ones.
 std::unique_ptr<Engine> MakeKubernetesEngine(KubernetesOptions options);
 
 }  // namespace lumifold::autoscale

@@ -7,8 +7,8 @@
 #include "absl/strings/string_view.h"
 #include "client/autoscale/policy/types.h"
 
-/// The objects of the Kubernetes API that the autoscaler reads, from their JSON. Fields that are missing have the API's
-/// defaults. Errors of all: kDataLoss saying what is not understood.
+/// The objects of the Kubernetes API that the autoscaler reads, from their JSON. Fields that are missing have
+/// the API's defaults. Errors of all: kDataLoss saying what is not understood.
 namespace lumifold::autoscale {
 
 /// Annotation of pods: those with lower numbers are ended first.
@@ -31,7 +31,8 @@ struct PodPage {
   std::vector<std::string> marked;
   std::string next;  // token of the next page; empty on the last one
 };
-/// A pod is a request whose id and worker are called as the pod. `default_cores`: of pods that request no processors.
+/// A pod is a request whose id and worker are called as the pod. `default_cores`: of pods that request no
+/// processors.
 absl::StatusOr<PodPage> ParsePods(absl::string_view json, double default_cores);
 
 /// The message of an error (a Status object), or the start of what is none.

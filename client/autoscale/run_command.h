@@ -14,11 +14,11 @@ struct CommandResult {
   std::string err;
 };
 
-/// Runs a program to its end, without a shell and without standard input. `environment` is put before that of this process;
-/// "NAME" without "=" takes a variable out of it, and "NAME*" all that begin so. A program that takes longer is killed with its
-/// children.
-/// Errors: kUnavailable when it cannot be started, takes longer than `timeout`, prints more than 64 MiB, or is killed by
-/// a signal. All name the program.
+/// Runs a program to its end, without a shell and without standard input. `environment` is put before that of
+/// this process; "NAME" without "=" takes a variable out of it, and "NAME*" all that begin so. A program that
+/// takes longer is killed with its children.
+/// Errors: kUnavailable when it cannot be started, takes longer than `timeout`, prints more than 64 MiB, or
+/// is killed by a signal. All name the program.
 absl::StatusOr<CommandResult> RunCommand(const std::vector<std::string>& arguments,
                                          const std::vector<std::string>& environment, absl::Duration timeout);
 

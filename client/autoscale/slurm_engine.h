@@ -20,9 +20,9 @@ struct SlurmOptions {
   absl::Duration timeout = absl::Seconds(30);
 };
 
-/// Slurm, by its commands sbatch, squeue and scancel, as the user who runs this program. A request is a job called
-/// "lumifold-FARM-SLOT"; starts take the lowest free slots, so that autoscalers that start at the same time take the same
-/// ones, and Slurm runs one job of each.
+/// Slurm, by its commands sbatch, squeue and scancel, as the user who runs this program. A request is a job
+/// called "lumifold-FARM-SLOT"; starts take the lowest free slots, so that autoscalers that start at the same
+/// time take the same ones, and Slurm runs one job of each.
 std::unique_ptr<Engine> MakeSlurmEngine(SlurmOptions options);
 
 }  // namespace lumifold::autoscale

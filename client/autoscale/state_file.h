@@ -9,13 +9,14 @@
 
 namespace lumifold::autoscale {
 
-/// What an autoscaler remembers over restarts, as JSON: failures with their times, and the core-hours of the period.
-/// Times are in seconds since 1970.
+/// What an autoscaler remembers over restarts, as JSON: failures with their times, and the core-hours of the
+/// period. Times are in seconds since 1970.
 std::string HistoryJson(const History& history);
 /// Errors: kDataLoss.
 absl::StatusOr<History> ParseHistory(const std::string& json);
 
-/// The file that holds it, with a checksum. One process at a time has it open; the lock goes with the process.
+/// The file that holds it, with a checksum. One process at a time has it open; the lock goes with the
+/// process.
 class StateFile {
  public:
   /// Errors: kFailedPrecondition where another process has it; kUnavailable.

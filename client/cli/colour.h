@@ -16,8 +16,8 @@ inline std::string Coloured(bool is_wanted, Colour colour, absl::string_view tex
                    : std::string(text);
 }
 
-/// Whether a terminal may be given colours, by the variables NO_COLOR (set and not empty: no) and TERM ("dumb": no). Null:
-/// a variable that is not set.
+/// Whether a terminal may be given colours, by the variables NO_COLOR (set and not empty: no) and TERM
+/// ("dumb": no). Null: a variable that is not set.
 inline bool WantsColour(bool is_terminal, const char* no_color, const char* term) {
   return is_terminal && (no_color == nullptr || *no_color == '\0') &&
          absl::string_view(term == nullptr ? "" : term) != "dumb";

@@ -115,8 +115,8 @@ class CommandLine::Parser {
     return command;
   }
 
-  // `arguments` preceded by the options of files that they do not have themselves. `sources`: the first one that has an
-  // option counts.
+  // `arguments` preceded by the options of files that they do not have themselves. `sources`: the first one
+  // that has an option counts.
   absl::StatusOr<std::vector<std::string>> Completed(const std::vector<std::string>& arguments,
                                                      const std::vector<OptionSource>& sources) {
     const Given given = FindGiven(arguments);

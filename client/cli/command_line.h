@@ -73,9 +73,9 @@ class CommandLine {
   /// Additional text of help, between the options and the exit codes.
   void SetFooter(const std::string& text);
 
-  /// Parses the arguments after the command's name. Options that they do not have are those of the file of `--job`, where
-  /// the command has that option, and of environment.configuration: of the profile, then of all. If it returns a value, the program ends with it: help was
-  /// printed to `out`, or an error to `err`.
+  /// Parses the arguments after the command's name. Options that they do not have are those of the file of
+  /// `--job`, where the command has that option, and of environment.configuration: of the profile, then of
+  /// all. If it returns a value, the program ends with it: help was printed to `out`, or an error to `err`.
   std::optional<ExitCode> Parse(const std::vector<std::string>& arguments, const Environment& environment);
 
  private:
@@ -87,7 +87,8 @@ class CommandLine {
   std::vector<std::function<absl::Status()>> checks_;
 };
 
-/// Errors: kInvalidArgument with place and suggestion for an option that is none of `known`, unless that is empty.
+/// Errors: kInvalidArgument with place and suggestion for an option that is none of `known`, unless that is
+/// empty.
 absl::Status CheckNames(const std::string& path, const FileOptions& options,
                         const std::vector<std::string>& known);
 

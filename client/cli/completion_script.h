@@ -7,7 +7,8 @@
 
 namespace lumifold::client {
 
-/// Scripts that complete the command line of `lumifold` in a shell: commands, options, and files where a value is one.
+/// Scripts that complete the command line of `lumifold` in a shell: commands, options, and files where a
+/// value is one.
 std::string BashCompletion(const std::vector<CommandHelp>& commands);
 std::string ZshCompletion(const std::vector<CommandHelp>& commands);
 std::string FishCompletion(const std::vector<CommandHelp>& commands);

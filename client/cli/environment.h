@@ -32,7 +32,8 @@ struct Environment {
   /// Whether `out` and `err` are terminals that show colours.
   bool out_has_colours = false;
   bool err_has_colours = false;
-  /// HOST:PORT, or a list of them, if --server is not given; empty: that of the default profile, else kDefaultServer.
+  /// HOST:PORT, or a list of them, if --server is not given; empty: that of the default profile, else
+  /// kDefaultServer.
   std::string default_server = {};
   /// The user's configuration; null: there is none.
   const OptionFile* configuration = nullptr;

@@ -28,8 +28,8 @@ struct Frames {
 };
 
 /// Parses "7", "1-48" or "1-48,60,70-72".
-/// Errors: kInvalidArgument with the expected format, for other text, for a last frame before the first and for
-/// ranges that are not ascending.
+/// Errors: kInvalidArgument with the expected format, for other text, for a last frame before the first and
+/// for ranges that are not ascending.
 absl::StatusOr<Frames> ParseFrames(absl::string_view text);
 
 /// Whether the file name contains a placeholder for the frame number: one or more #.

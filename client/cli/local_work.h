@@ -15,8 +15,8 @@ namespace grpc {
 class Channel;
 }  // namespace grpc
 
-/// What commands do in their own process and not at a farm. The program passes these functions in (client/local), so
-/// that the client links neither coordinator nor renderer nor filter.
+/// What commands do in their own process and not at a farm. The program passes these functions in
+/// (client/local), so that the client links neither coordinator nor renderer nor filter.
 namespace lumifold::client {
 
 /// A coordinator and a worker inside this process. Its destruction stops both and removes temporary files.

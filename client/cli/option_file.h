@@ -16,8 +16,9 @@ struct FileOption {
 };
 using FileOptions = std::vector<FileOption>;
 
-/// Options in a file of YAML, of which JSON is a part: a map from names to values or lists of values. Job files and the
-/// configuration have this form, so that each option is checked by the code that checks the command line.
+/// Options in a file of YAML, of which JSON is a part: a map from names to values or lists of values. Job
+/// files and the configuration have this form, so that each option is checked by the code that checks the
+/// command line.
 struct OptionFile {
   std::string path;
   FileOptions options;
@@ -27,8 +28,8 @@ struct OptionFile {
 
 enum class OptionFileKind { kJob, kConfiguration };  // a job has no profiles
 
-/// Errors: kNotFound; kInvalidArgument naming the file and the line for anything that is not such a map, for a name that
-/// appears twice and for files over 1 MiB.
+/// Errors: kNotFound; kInvalidArgument naming the file and the line for anything that is not such a map, for
+/// a name that appears twice and for files over 1 MiB.
 absl::StatusOr<OptionFile> ReadOptionFile(const std::string& path, OptionFileKind kind);
 
 /// The same for the file's text.

@@ -83,8 +83,8 @@ struct ProgressPrinterOptions {
   std::function<absl::Time()> now;
 };
 
-/// Prints progress as text, without colours. Only where lines are shown below the first one are they rewritten by control
-/// sequences of ECMA-48, which all terminals know.
+/// Prints progress as text, without colours. Only where lines are shown below the first one are they
+/// rewritten by control sequences of ECMA-48, which all terminals know.
 class ProgressPrinter final : public Progress {
  public:
   ProgressPrinter(std::ostream& out, ProgressPrinterOptions options);

@@ -144,7 +144,8 @@ class IoClock {
   absl::Duration spent_;
 };
 
-/// Filters the film into the output file. Returns the time of the filter in seconds, without reads and writes.
+/// Filters the film into the output file. Returns the time of the filter in seconds, without reads and
+/// writes.
 absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmSource* film,
                                   const Environment& environment) {
   Output output;

@@ -14,8 +14,8 @@ namespace lumifold::client {
 /// Adds --preview: a file that is kept up to date while a job is followed.
 void AddPreview(CommandLine& command_line, std::string* path);
 
-/// Checks name and folder of a preview, if there is one. For an error it prints to `err` and returns the exit code.
-/// `command` is "lumifold COMMAND".
+/// Checks name and folder of a preview, if there is one. For an error it prints to `err` and returns the exit
+/// code. `command` is "lumifold COMMAND".
 std::optional<ExitCode> CheckPreview(const std::string& path, const std::string& command,
                                      const Environment& environment);
 

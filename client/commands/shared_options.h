@@ -29,8 +29,8 @@ struct RemoteOptions {
   void AddOptions(CommandLine& command_line);
   /// After command_line.Parse, `server` and `security` are those of the profile, if there is one.
   void AddTo(CommandLine& command_line);
-  /// Sets `server` and `security` by the profile, whose certificate it renews where that is due. Parse does it for
-  /// commands; a program that runs for long repeats it.
+  /// Sets `server` and `security` by the profile, whose certificate it renews where that is due. Parse does
+  /// it for commands; a program that runs for long repeats it.
   absl::Status Resolve();
   std::unique_ptr<FarmClient> Connect(const Environment& environment) const;
   std::unique_ptr<AccessClient> ConnectToAccess(const Environment& environment) const;
@@ -67,8 +67,8 @@ Backoff MakeBackoff(const Environment& environment);
 inline constexpr char kJobArgumentHelp[] = "The job's id, as submit printed it";
 inline constexpr char kWorkerArgumentHelp[] = "The worker's id (w-...) or name, see 'lumifold workers'";
 
-/// The end of a command that changes a job or a worker: prints it as JSON to `out` or, as one line, to `err`; or the
-/// error.
+/// The end of a command that changes a job or a worker: prints it as JSON to `out` or, as one line, to `err`;
+/// or the error.
 ExitCode ReportJob(const Environment& environment, bool json, const absl::StatusOr<v1::JobStatus>& job);
 ExitCode ReportWorker(const Environment& environment, bool json,
                       const absl::StatusOr<v1::WorkerStatus>& worker);

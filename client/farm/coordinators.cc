@@ -18,7 +18,8 @@ namespace {
 /// Without an interruption, kCancelled means that the other side closed the connection.
 bool IsLost(const absl::Status& status) { return rpc::IsTransient(status) || absl::IsCancelled(status); }
 
-/// Where there is another coordinator to go to, a silent one is left soon, also by streams without a deadline of seconds.
+/// Where there is another coordinator to go to, a silent one is left soon, also by streams without a deadline
+/// of seconds.
 Coordinators::Connect OverTheNetwork(const FarmClientOptions& options) {
   const rpc::KeepAlive keep_alive = options.coordinators.size() > 1 ? rpc::kQuickKeepAlive : rpc::KeepAlive{};
   return [security = options.security, keep_alive](const std::string& address) {

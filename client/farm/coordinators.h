@@ -21,8 +21,8 @@ class Status;
 
 namespace lumifold::client {
 
-/// kUnavailable "cannot reach the coordinator at ADDRESS: ...", or of several "cannot reach any of the coordinators A, B: ...",
-/// with what a user needs of gRPC's `message`.
+/// kUnavailable "cannot reach the coordinator at ADDRESS: ...", or of several "cannot reach any of the
+/// coordinators A, B: ...", with what a user needs of gRPC's `message`.
 absl::Status CannotReach(const std::vector<std::string>& coordinators, absl::string_view message);
 
 struct FarmClientOptions {
@@ -45,16 +45,17 @@ struct CallPolicy {
   absl::Duration first_timeout = absl::InfiniteDuration();
 };
 
-/// Of short calls: few tries with short pauses, so that the user soon sees the error of a wrong address. With a silent
-/// coordinator in the list they take 3 s longer; half of that would leave a busy one too often.
+/// Of short calls: few tries with short pauses, so that the user soon sees the error of a wrong address. With
+/// a silent coordinator in the list they take 3 s longer; half of that would leave a busy one too often.
 inline constexpr CallPolicy kShortCall = {
     .retry = {.try_timeout = absl::Seconds(10), .total_timeout = absl::Seconds(20), .max_tries = 3},
     .first_timeout = absl::Seconds(3)};
 
-/// The coordinators of one farm, any of which answers any client. Calls go to the one that answered last, the first call
-/// to one at random, so that clients and their jobs spread. A coordinator that cannot be reached, is stopping, or does
-/// not answer within the deadline is left for the next of the list at once.
-/// Errors of calls: kUnavailable of CannotReach; kCancelled when the user interrupted; otherwise the coordinator's.
+/// The coordinators of one farm, any of which answers any client. Calls go to the one that answered last, the
+/// first call to one at random, so that clients and their jobs spread. A coordinator that cannot be reached,
+/// is stopping, or does not answer within the deadline is left for the next of the list at once.
+/// Errors of calls: kUnavailable of CannotReach; kCancelled when the user interrupted; otherwise the
+/// coordinator's.
 /// Threads: one call at a time.
 class Coordinators {
  public:
@@ -74,12 +75,12 @@ class Coordinators {
   /// An idempotent call. Pauses begin once all coordinators were tried.
   absl::Status Call(const CallPolicy& policy, Try call);
 
-  /// A call that must not be repeated once it may have taken effect: one try at one coordinator. Where there are several,
-  /// another call should come before it, so that it goes to one that answers.
+  /// A call that must not be repeated once it may have taken effect: one try at one coordinator. Where there
+  /// are several, another call should come before it, so that it goes to one that answers.
   absl::Status CallOnce(absl::Duration timeout, Try call);
 
-  /// A stream, opened at each coordinator at most once, without pauses, until `call` has set *answered. If it breaks later,
-  /// the caller decides when to open it again; that goes to the next coordinator.
+  /// A stream, opened at each coordinator at most once, without pauses, until `call` has set *answered. If it
+  /// breaks later, the caller decides when to open it again; that goes to the next coordinator.
   absl::Status Stream(absl::Duration timeout, const bool* answered, Try call);
 
  private:

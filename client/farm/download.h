@@ -16,8 +16,8 @@ namespace lumifold::client {
 absl::StatusOr<std::string> PartPath(const std::string& output, const std::string& job_id, int frame);
 
 /// Downloads a frame's file to `part_path`, syncs it and compares it with the SHA-256 that the coordinator
-/// states. Resumes a partial download of an earlier call, and reconnects and resumes after a broken connection
-/// as long as `backoff` allows. A resumed download that does not match starts over, once.
+/// states. Resumes a partial download of an earlier call, and reconnects and resumes after a broken
+/// connection as long as `backoff` allows. A resumed download that does not match starts over, once.
 /// Errors: those of FarmClient; the bytes received stay for the next call. kDataLoss where the file does not
 /// match or the coordinator states no SHA-256; the file is then removed. No file is created if no byte
 /// arrived.

@@ -23,7 +23,8 @@ constexpr absl::Duration kOnceTimeout = absl::Seconds(30);
 constexpr absl::Duration kStreamTimeout = absl::Minutes(10);
 // Uploads over slower connections exceed their deadline and go on with a new call.
 constexpr double kSlowestUploadBytesPerSecond = 128 * 1024;
-// The coordinator reads assets that it has not used since its start. It manages 1.5 GB/s; a busy disk a tenth of that.
+// The coordinator reads assets that it has not used since its start. It manages 1.5 GB/s; a busy disk a tenth
+// of that.
 constexpr double kSlowestCheckBytesPerSecond = 150e6;
 constexpr absl::Duration kTick = absl::Milliseconds(100);
 

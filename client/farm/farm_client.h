@@ -19,9 +19,10 @@ class Channel;
 
 namespace lumifold::client {
 
-/// The client's interface to the coordinators of a farm; hides gRPC, and which of them answers: see Coordinators.
-/// Errors of every call: those of Coordinators, with the coordinator's as in proto/lumifold/v1/farm.proto; kInternal for
-/// errors of local files.
+/// The client's interface to the coordinators of a farm; hides gRPC, and which of them answers: see
+/// Coordinators.
+/// Errors of every call: those of Coordinators, with the coordinator's as in proto/lumifold/v1/farm.proto;
+/// kInternal for errors of local files.
 /// Threads: one call at a time.
 class FarmClient {
  public:
@@ -64,7 +65,8 @@ class FarmClient {
   virtual absl::StatusOr<v1::Preview> GetPreview(const v1::GetPreviewRequest& request) = 0;
 
   /// Calls `on_status` with each status until the stream ends, and `on_tick` several times a second. Not
-  /// retried when the connection breaks: the caller decides how long to retry, which goes to the next coordinator.
+  /// retried when the connection breaks: the caller decides how long to retry, which goes to the next
+  /// coordinator.
   virtual absl::Status WatchJob(const std::string& job_id,
                                 absl::FunctionRef<void(const v1::JobStatus&)> on_status,
                                 absl::FunctionRef<void()> on_tick) = 0;

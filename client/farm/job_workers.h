@@ -18,7 +18,8 @@ namespace lumifold::client {
 std::vector<std::string> WorkerLines(const std::string& job_id, const std::vector<v1::WorkerStatus>& workers);
 inline constexpr int kMaxWorkerLines = 8;
 
-/// Asks the farm every second what the workers of a job do, on a thread of its own, until the farm refuses to say.
+/// Asks the farm every second what the workers of a job do, on a thread of its own, until the farm refuses to
+/// say.
 class JobWorkers {
  public:
   JobWorkers(std::unique_ptr<FarmClient> farm, std::string job_id);

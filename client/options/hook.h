@@ -14,9 +14,9 @@ struct Hook {
   void AddTo(CommandLine& command_line);
 
   /// Runs the command, if there is one, and waits for it. It learns of the job by the environment variables
-  /// LUMIFOLD_JOB, LUMIFOLD_NAME, LUMIFOLD_STATE, LUMIFOLD_ERROR and LUMIFOLD_OUTPUT (`output`: the path of the picture).
-  /// None of these is part of the command's text, so that no name can become a command. What it prints goes to standard
-  /// error.
+  /// LUMIFOLD_JOB, LUMIFOLD_NAME, LUMIFOLD_STATE, LUMIFOLD_ERROR and LUMIFOLD_OUTPUT (`output`: the path of
+  /// the picture). None of these is part of the command's text, so that no name can become a command. What it
+  /// prints goes to standard error.
   /// Errors: kInternal where it cannot be started or does not end with 0.
   absl::Status Run(const v1::JobStatus& job, const std::string& output) const;
 

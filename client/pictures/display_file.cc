@@ -34,7 +34,8 @@ struct JpegErrors {
   std::longjmp(reinterpret_cast<JpegErrors*>(info->err)->at, 1);
 }
 
-/// Nothing with a destructor may be in here: an error leaves it by longjmp. `out` and `size` receive a block of malloc.
+/// Nothing with a destructor may be in here: an error leaves it by longjmp. `out` and `size` receive a block
+/// of malloc.
 bool EncodeJpeg(const uint8_t* bytes, int width, int height, int quality, unsigned char** out,
                 unsigned long* size) {
   jpeg_compress_struct encoder = {};

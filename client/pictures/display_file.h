@@ -21,9 +21,9 @@ struct DisplayOptions {
   int jpeg_quality = 92;  // 1 to 100
 };
 
-/// Writes linear light as a picture of 8 bits a channel, .png or .jpg by the end of the path, after exposure and view
-/// transform. The rows arrive some at a time, from the top down. Until Finish() it has 3 bytes in memory for each pixel, or
-/// 12 where the exposure is automatic.
+/// Writes linear light as a picture of 8 bits a channel, .png or .jpg by the end of the path, after exposure
+/// and view transform. The rows arrive some at a time, from the top down. Until Finish() it has 3 bytes in
+/// memory for each pixel, or 12 where the exposure is automatic.
 class DisplayWriter {
  public:
   /// Errors: those of ViewTransform::Create.

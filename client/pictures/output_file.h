@@ -26,7 +26,8 @@ absl::Status CheckFolder(const std::string& path, const std::string& folder);
 /// Errors: kNotFound, kPermissionDenied, kInvalidArgument, naming the obstacle.
 absl::Status CheckOutput(const std::string& path);
 
-/// Writes one colour layer of an OpenEXR file as .png or .jpg; an empty `layer` is the finished picture (R G B).
+/// Writes one colour layer of an OpenEXR file as .png or .jpg; an empty `layer` is the finished picture (R G
+/// B).
 /// Errors: those of reading and writing, naming the file; kNotFound for a layer the file does not have.
 absl::Status WriteLayer(const std::string& exr_path, const std::string& layer,
                         const pictures::DisplayOptions& display, const std::string& path);

@@ -7,8 +7,8 @@
 
 namespace lumifold::client {
 
-/// Names of outputs have placeholders: {job} (id), {name}, {user}, and # for the number of the frame, see PathOfFrame.
-/// What they stand for has no "/" and does not begin with ".": such characters become "_".
+/// Names of outputs have placeholders: {job} (id), {name}, {user}, and # for the number of the frame, see
+/// PathOfFrame. What they stand for has no "/" and does not begin with ".": such characters become "_".
 
 /// Errors: kInvalidArgument for a placeholder that there is not.
 absl::Status CheckTemplate(const std::string& path);

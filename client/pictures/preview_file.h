@@ -27,8 +27,9 @@ class PreviewFile {
   PreviewFile(std::unique_ptr<FarmClient> farm, PreviewFileOptions options);
   ~PreviewFile() { Stop().IgnoreError(); }
 
-  /// Ends the thread, after a call of the farm that it is in. Returns what kept it from writing further previews: errors of
-  /// the file, of the job, and of a coordinator that knows no previews; not that one could not be reached.
+  /// Ends the thread, after a call of the farm that it is in. Returns what kept it from writing further
+  /// previews: errors of the file, of the job, and of a coordinator that knows no previews; not that one
+  /// could not be reached.
   absl::Status Stop();
 
  private:

@@ -100,7 +100,8 @@ ocio::ConstConfigRcPtr StudioConfig() {
   return path == nullptr || *path == '\0' ? nullptr : ocio::Config::CreateFromEnv();
 }
 
-/// The space of our light in a studio's configuration, under the names that it has in those of ACES and of others.
+/// The space of our light in a studio's configuration, under the names that it has in those of ACES and of
+/// others.
 std::string LinearSpaceOf(const ocio::ConstConfigRcPtr& config) {
   for (const char* name : {"lin_rec709", "Linear Rec.709 (sRGB)", "lin_srgb", "Utility - Linear - sRGB",
                            "Utility - Linear - Rec.709", "Linear Rec.709", ocio::ROLE_SCENE_LINEAR}) {

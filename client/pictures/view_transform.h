@@ -15,11 +15,12 @@ namespace lumifold::pictures {
 ///   filmic    a curve with a soft shoulder (Hable's), then sRGB: bright light keeps its colour and detail longer
 ///   raw       the values themselves
 ///
-/// Where the environment variable OCIO names an OpenColorIO configuration, its views are there too: "VIEW" of its
-/// default display, or "DISPLAY/VIEW".
+/// Where the environment variable OCIO names an OpenColorIO configuration, its views are there too: "VIEW" of
+/// its default display, or "DISPLAY/VIEW".
 class ViewTransform {
  public:
-  /// Errors: kInvalidArgument naming the views for one that there is not, and for a configuration that cannot be read.
+  /// Errors: kInvalidArgument naming the views for one that there is not, and for a configuration that cannot
+  /// be read.
   static absl::StatusOr<ViewTransform> Create(const std::string& view);
   ViewTransform(ViewTransform&&) noexcept;
   ViewTransform& operator=(ViewTransform&&) noexcept;
@@ -28,8 +29,8 @@ class ViewTransform {
   /// Names of the views that Create takes.
   static std::vector<std::string> Views();
 
-  /// Replaces linear Rec. 709 light by display values, 0 to 1 on the display. `rgb`: 3 numbers for each pixel. A NaN becomes
-  /// black.
+  /// Replaces linear Rec. 709 light by display values, 0 to 1 on the display. `rgb`: 3 numbers for each
+  /// pixel. A NaN becomes black.
   /// Threads: safe.
   void Apply(absl::Span<float> rgb) const;
 

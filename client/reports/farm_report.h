@@ -5,15 +5,17 @@
 #include "absl/strings/string_view.h"
 #include "lumifold/v1/farm.pb.h"
 
-/// What operators see of a farm, as text and as JSON: one object in one line, without the newline, in UTF-8 (bytes that
-/// are not are replaced). docs/cli.md documents the fields of the objects; their meaning never changes.
+/// What operators see of a farm, as text and as JSON: one object in one line, without the newline, in UTF-8
+/// (bytes that are not are replaced). docs/cli.md documents the fields of the objects; their meaning never
+/// changes.
 namespace lumifold::client {
 
-/// "idle", "busy", "draining", "silent", "set aside", "blocked" or "gone"; "unknown" for a state of a later version.
+/// "idle", "busy", "draining", "silent", "set aside", "blocked" or "gone"; "unknown" for a state of a later
+/// version.
 absl::string_view WorkerStateName(v1::WorkerState state);
 
-/// A line of `lumifold workers`, and its header line. `of_several`: with the name of the coordinator that the worker is
-/// connected to, on a farm of several.
+/// A line of `lumifold workers`, and its header line. `of_several`: with the name of the coordinator that the
+/// worker is connected to, on a farm of several.
 std::string WorkerTableHead(bool of_several);
 std::string WorkerTableLine(const v1::WorkerStatus& worker, bool of_several);
 std::string WorkerJson(const v1::WorkerStatus& worker);

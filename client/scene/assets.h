@@ -27,8 +27,8 @@ struct LocalAsset {
 /// Errors: those of OpenRegularFile and SceneFolder::OpenFile.
 absl::StatusOr<rpc::FileHandle> OpenAsset(const LocalAsset& asset);
 
-/// The content of a hashed asset's file. Errors: those of OpenAsset; kDataLoss, naming the file, if its size or content
-/// differs from its reference.
+/// The content of a hashed asset's file. Errors: those of OpenAsset; kDataLoss, naming the file, if its size
+/// or content differs from its reference.
 absl::StatusOr<std::string> ReadAsset(const LocalAsset& asset);
 
 /// The scene file (with an empty uri), then every external file it names, each once, in the order of first
@@ -36,14 +36,14 @@ absl::StatusOr<std::string> ReadAsset(const LocalAsset& asset);
 using SceneAssets = std::vector<LocalAsset>;
 
 /// Reads the URIs of the scene's buffers and images; data: URIs are ignored. Opens none of these files.
-/// Errors, each naming the scene: kNotFound for the scene; kDataLoss for a file that is not glTF 2.0, a GLB file that
-/// is too short, or a URI that is not the name of a file; kInvalidArgument for what is no regular file; those of
-/// SceneFolder::Open and of the system.
+/// Errors, each naming the scene: kNotFound for the scene; kDataLoss for a file that is not glTF 2.0, a GLB
+/// file that is too short, or a URI that is not the name of a file; kInvalidArgument for what is no regular
+/// file; those of SceneFolder::Open and of the system.
 absl::StatusOr<SceneAssets> FindSceneAssets(const std::string& scene_path, const SceneFileRules& rules);
 
 /// Checks the sizes of all files and then hashes them: HashAsset for each.
-/// Errors: those of OpenAsset and HashAsset with the scene's name; kResourceExhausted for a file or job over a limit,
-/// before any file is read, naming file, size, limit and the option that raises it.
+/// Errors: those of OpenAsset and HashAsset with the scene's name; kResourceExhausted for a file or job over
+/// a limit, before any file is read, naming file, size, limit and the option that raises it.
 absl::Status HashAssets(const SceneFileRules& rules, SceneAssets* assets);
 
 /// Stores the SHA-256 of the file (lower-case hexadecimal) and its size in `asset->ref`.
@@ -53,8 +53,8 @@ absl::Status HashAsset(LocalAsset* asset);
 /// The scene of a job: its assets, with the name of the scene file as display name.
 v1::SceneRef MakeSceneRef(const SceneAssets& assets);
 
-/// The external files named in a scene's JSON text, percent-decoded, each once, in the order of first use. Their
-/// names pass CheckFileName.
+/// The external files named in a scene's JSON text, percent-decoded, each once, in the order of first use.
+/// Their names pass CheckFileName.
 /// Errors: kDataLoss with the cause, without the scene's name.
 absl::StatusOr<std::vector<std::string>> ExternalFiles(const std::string& json_text);
 

@@ -179,8 +179,8 @@ absl::StatusOr<rpc::FileHandle> SceneFolder::OpenFile(const std::string& name) c
   const std::string path = PathOf(name);
   int found = FindBelow(own_.handle.get(), name, containment_);
   if (found == -EXDEV) {
-    // Where the path leads is found first, and then opened below the allowed folder, links refused or not: if someone
-    // changes it meanwhile, the second step still does not leave that folder.
+    // Where the path leads is found first, and then opened below the allowed folder, links refused or not: if
+    // someone changes it meanwhile, the second step still does not leave that folder.
     std::error_code error;
     const fs::path target = fs::canonical(fs::path(own_.path) / name, error);
     for (const Folder& folder : allowed_) {

@@ -13,31 +13,35 @@ namespace lumifold::client {
 
 /// Which files a scene may name. A scene is not trusted: it may come from anyone.
 struct SceneFileRules {
-  /// Folders besides the scene's own whose files it may name. A relative path is relative to the working folder.
+  /// Folders besides the scene's own whose files it may name. A relative path is relative to the working
+  /// folder.
   std::vector<std::string> allowed_folders = {};
-  /// Limits of one file, and of all files of a job. Assets are held in memory by workers; a coordinator has limits of
-  /// its own.
+  /// Limits of one file, and of all files of a job. Assets are held in memory by workers; a coordinator has
+  /// limits of its own.
   uint64_t max_file_bytes = uint64_t{4} << 30;
   uint64_t max_job_bytes = uint64_t{64} << 30;
 };
 
-/// Whether a scene may call a file so: a relative path in UTF-8 without control characters, of at most 1024 bytes,
-/// with neither backslashes nor a drive letter. Errors: kDataLoss with the cause, without the name.
+/// Whether a scene may call a file so: a relative path in UTF-8 without control characters, of at most 1024
+/// bytes, with neither backslashes nor a drive letter. Errors: kDataLoss with the cause, without the name.
 absl::Status CheckFileName(const std::string& name);
 
-/// Text of a scene for an error message: one line without control characters, of at most about 100 characters.
+/// Text of a scene for an error message: one line without control characters, of at most about 100
+/// characters.
 std::string Shown(const std::string& text);
 
-/// Opens a file that the user named. Folders, devices, FIFOs and sockets are never opened, not even for a moment.
-/// Errors: kNotFound, kInvalidArgument for what is no regular file, and others of the system, naming the path.
+/// Opens a file that the user named. Folders, devices, FIFOs and sockets are never opened, not even for a
+/// moment.
+/// Errors: kNotFound, kInvalidArgument for what is no regular file, and others of the system, naming the
+/// path.
 absl::StatusOr<rpc::FileHandle> OpenRegularFile(const std::string& path);
 
-/// How a path is kept inside a folder: by the kernel, or, where it has no openat2(2) (before Linux 5.6), component by
-/// component, with all links refused.
+/// How a path is kept inside a folder: by the kernel, or, where it has no openat2(2) (before Linux 5.6),
+/// component by component, with all links refused.
 enum class Containment { kOfKernel, kByComponents };
 
-/// The folder of a scene, and the others whose files the scene may name. What is opened is what was checked: there is
-/// no moment between them in which a link could be put in place of a file.
+/// The folder of a scene, and the others whose files the scene may name. What is opened is what was checked:
+/// there is no moment between them in which a link could be put in place of a file.
 /// Threads: safe concurrently.
 class SceneFolder {
  public:
@@ -47,8 +51,8 @@ class SceneFolder {
                                           const std::vector<std::string>& allowed_folders,
                                           Containment containment = Containment::kOfKernel);
 
-  /// Opens the regular file `name`, a path relative to the folder. Neither ".." nor links lead out of the folder and
-  /// the allowed ones.
+  /// Opens the regular file `name`, a path relative to the folder. Neither ".." nor links lead out of the
+  /// folder and the allowed ones.
   /// Errors: kPermissionDenied for a file outside; kDataLoss as CheckFileName; those of OpenRegularFile.
   absl::StatusOr<rpc::FileHandle> OpenFile(const std::string& name) const;
 

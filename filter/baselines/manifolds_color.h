@@ -4,8 +4,8 @@
 
 namespace lumifold::filter {
 
-/// The published height of the tree: at least 2, growing with log2(sigma_s) and with 1 - sigma_r. Patches span
-/// more dimensions than colours: the authors' programs add two levels for them.
+/// The published height of the tree: at least 2, growing with log2(sigma_s) and with 1 - sigma_r. Patches
+/// span more dimensions than colours: the authors' programs add two levels for them.
 /// Source:  Gastal & Oliveira 2012, Eq. (12), and their programs.
 int TreeHeight(float sigma_s, float sigma_r, bool has_patches);
 

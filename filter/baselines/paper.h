@@ -16,8 +16,8 @@ namespace lumifold::filter {
 /// * T is not filtered. What is no D or I of a surface (emission, glossy light, what the means of products
 ///   differ by from the products of means) is R, and stays as it is in C.
 ///
-/// The publication gives no ranges. Those of normals and distances are ours (features.h). That of patches is a
-/// multiple of the layer's noise, or the fixed 0.35 of the programs of Gastal & Oliveira, with the layer's
+/// The publication gives no ranges. Those of normals and distances are ours (features.h). That of patches is
+/// a multiple of the layer's noise, or the fixed 0.35 of the programs of Gastal & Oliveira, with the layer's
 /// mean in place of the white of their pictures. The fixed one suits one number of samples only.
 /// Source:  Gruzdev, Frolov & Ignatenko 2015; Gastal & Oliveira 2012.
 Baseline PaperBaseline();

@@ -30,8 +30,8 @@ Picture Denoise(const Frame& frame, TaskPool* pool, const DenoiseOptions& option
 /// The same with the deviation of the picture: both halves go to the end.
 FilteredPicture DenoiseWithDeviation(const Frame& frame, TaskPool* pool, const DenoiseOptions& options = {});
 
-/// The same without second filterings: two thirds of the time, and a picture that errs a little more, mostly in the same
-/// places. To decide where samples go, not to be shown.
+/// The same without second filterings: two thirds of the time, and a picture that errs a little more, mostly
+/// in the same places. To decide where samples go, not to be shown.
 FilteredPicture DenoiseToEstimate(const Frame& frame, TaskPool* pool);
 
 /// The stages of the default method in their order; those of a layer stand where layers are filtered.

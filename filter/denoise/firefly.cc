@@ -19,9 +19,9 @@ namespace {
 
 constexpr size_t kMinNeighbours = 4;
 
-/// The bound, from the valid pixels of the window: a quantile times `excess`; infinity where there are too few. Where most
-/// of them are black, as in rare light, the quantile tells nothing, and the mean of the neighbours takes its place.
-/// `luminance`: from PaddedLuminance().
+/// The bound, from the valid pixels of the window: a quantile times `excess`; infinity where there are too
+/// few. Where most of them are black, as in rare light, the quantile tells nothing, and the mean of the
+/// neighbours takes its place. `luminance`: from PaddedLuminance().
 float BoundAt(const Plane& luminance, const FireflyParams& params, float excess, int x, int y,
               std::vector<float>* values) {
   values->clear();
@@ -41,8 +41,9 @@ float BoundAt(const Plane& luminance, const FireflyParams& params, float excess,
   return excess * std::max(0.0f, others) / static_cast<float>(values->size() - 1);
 }
 
-/// For each pixel of a row: whether `brighter[x]`, the luminance of the brighter half, is above BoundAt(): the part
-/// `quantile` of the valid neighbours times `excess[x]` is below it. `luminance`: from PaddedLuminance().
+/// For each pixel of a row: whether `brighter[x]`, the luminance of the brighter half, is above BoundAt():
+/// the part `quantile` of the valid neighbours times `excess[x]` is below it. `luminance`: from
+/// PaddedLuminance().
 void FindOutliers(const Plane& luminance, const FireflyParams& params, const std::vector<float>& brighter,
                   const std::vector<float>& excess, int y, std::vector<uint8_t>* is_outlier) {
   const size_t width = brighter.size();
@@ -113,8 +114,8 @@ struct Outlier {
   float noise = 0;  // deviation of one half over its light that can explain what both halves show; 0: none
 };
 
-/// Scales the half's pixel to the bound if it is above it and noise explains why: the other half shows less than half
-/// of the excess, or the noise is that large. Keeps what the pixel loses in `removed`.
+/// Scales the half's pixel to the bound if it is above it and noise explains why: the other half shows less
+/// than half of the excess, or the noise is that large. Keeps what the pixel loses in `removed`.
 bool Suppress(Planes* half, float other, const Outlier& outlier, float sigmas, int x, int y,
               Planes* removed) {
   const float luminance = LuminanceAt(*half, x, y);
@@ -206,8 +207,8 @@ std::array<Spread, 2> SpreadAround(const std::array<Planes, 2>& removed, const P
   return spread;
 }
 
-/// 1 - (signed sum / sum)^2. The square of a sum with random signs is that of its terms on average, so this is 1 - 1/n
-/// of n equal terms, however the terms are weighted; it is 0 of one term alone.
+/// 1 - (signed sum / sum)^2. The square of a sum with random signs is that of its terms on average, so this
+/// is 1 - 1/n of n equal terms, however the terms are weighted; it is 0 of one term alone.
 float SharedPart(float sum, float signed_sum) {
   const float ratio = signed_sum / sum;
   return ratio > -1 && ratio < 1 ? 1.0f - ratio * ratio : 0.0f;

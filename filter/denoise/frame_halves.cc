@@ -26,9 +26,9 @@ FrameChange WithoutFireflies(const LayerSettings& settings, TaskPool* pool, Halv
   return change;
 }
 
-/// The squared difference of halves whose samples of emission are either 0 or what the brightest pixel around shows: a
-/// lamp's rim covers a part of a pixel. n samples of a part p have variance p (1 - p) / n; two halves of n / 2 differ by 4
-/// times as much.
+/// The squared difference of halves whose samples of emission are either 0 or what the brightest pixel around
+/// shows: a lamp's rim covers a part of a pixel. n samples of a part p have variance p (1 - p) / n; two
+/// halves of n / 2 differ by 4 times as much.
 Plane EmissionDifference(const Frame& frame, float scale, TaskPool* pool) {
   const Planes emission = EmissionOf(frame, pool);
   Plane difference(frame.width, frame.height);

@@ -14,8 +14,8 @@
 
 namespace lumifold::filter {
 
-/// A frame on its way through the stages. Each stage reads what the ones before it wrote. Planes are W x H; those
-/// in pairs belong to half A and half B, each made without the samples of the other.
+/// A frame on its way through the stages. Each stage reads what the ones before it wrote. Planes are W x H;
+/// those in pairs belong to half A and half B, each made without the samples of the other.
 struct FrameState {
   const Frame& frame;
   const Settings& settings;

@@ -167,7 +167,8 @@ void RunFireflyEnergy(LayerState* state) {
                     state->settings.fireflies, state->pool);
 }
 
-/// Moves the result towards a picture. Where a half has no sample of a fragment, the noisy layer says nothing of it.
+/// Moves the result towards a picture. Where a half has no sample of a fragment, the noisy layer says nothing
+/// of it.
 void Move(const Candidate& to, const Plane& share, bool is_noisy, LayerState* state) {
   MoveTowards(to.a, share, state->pool, &state->result.a);
   MoveTowards(to.b, share, state->pool, &state->result.b);
@@ -196,8 +197,8 @@ void AddEnergy(const LayerState& state, Candidate* to) {
   }
 }
 
-/// Makes the energy that was added to the halves the same in both: its mean. Samples where it returns do not make it surer, so
-/// that it is no error of those places. What it was apart is kept.
+/// Makes the energy that was added to the halves the same in both: its mean. Samples where it returns do not
+/// make it surer, so that it is no error of those places. What it was apart is kept.
 void ShareEnergy(LayerState* state) {
   if (state->firefly_energy[0].empty()) return;
   state->returned = Difference(state->firefly_energy[0], state->firefly_energy[1], state->pool);
@@ -249,8 +250,9 @@ void RunLightRegression(LayerState* state) {
   MoveTowardsAll(absl::MakeConstSpan(&fitted, 1), state);
 }
 
-/// Moves the result towards the noisy layer without its fireflies. Both are compared with the halves as they were: an
-/// outlier is taken out where the other half contradicts it, so without them the halves of rare light agree by selection.
+/// Moves the result towards the noisy layer without its fireflies. Both are compared with the halves as they
+/// were: an outlier is taken out where the other half contradicts it, so without them the halves of rare
+/// light agree by selection.
 void RunNoisyChoice(LayerState* state) {
   UseLastCandidate(state);
   AddEnergy(*state, &state->result);

@@ -29,11 +29,12 @@ struct LayerSettings {
   ManifoldParams first_manifolds = {
       .sigma_s = 7, .height = 5, .cell = 4, .keeps_mass = true, .is_first_order = true};
   float reach_px = 16;  // of the blur along the manifolds, of all filterings and of the energy of fireflies
-  /// Of the further filterings of what the first one leaves: sigma_q over the noise of the half that guides, from the
-  /// widest to the narrowest.
+  /// Of the further filterings of what the first one leaves: sigma_q over the noise of the half that guides,
+  /// from the widest to the narrowest.
   std::vector<float> twicing_ranges = {0.6f, 0.3f};
   ManifoldParams twicing_manifolds = {.sigma_s = 2, .height = 3, .keeps_mass = true};
-  /// Range of the features that a fragment shares with its pixel, whose patch mixes surfaces, over that of its own.
+  /// Range of the features that a fragment shares with its pixel, whose patch mixes surfaces, over that of
+  /// its own.
   float mixed_range = 2;
   FireflyParams fireflies;
   ChoiceParams choice;
@@ -47,8 +48,8 @@ struct LayerSettings {
 struct Settings {
   LayerSettings layer;
   ProductParams products;
-  /// Glossy albedo above which nearly all light of a pixel is glossy: what it mirrors tells such pixels apart, the
-  /// features do not. They are mixed pixels.
+  /// Glossy albedo above which nearly all light of a pixel is glossy: what it mirrors tells such pixels
+  /// apart, the features do not. They are mixed pixels.
   float mixed_albedo = 0.5f;
 };
 
@@ -68,8 +69,8 @@ struct TunedConstant {
   void Set(Settings* settings, float value) const;
 };
 
-/// All tuned constants of the default method. What is not among them are limits that keep numbers finite, and sizes of
-/// blocks and cells.
+/// All tuned constants of the default method. What is not among them are limits that keep numbers finite, and
+/// sizes of blocks and cells.
 const std::vector<TunedConstant>& TunedConstants();
 
 }  // namespace lumifold::filter

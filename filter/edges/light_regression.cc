@@ -20,7 +20,8 @@ constexpr size_t kTraits = 3 + kMostFeatures;  // asinh(F / knee) / sigma_light,
 constexpr float kMaxSignal = 1e12f;            // light over its mean: fourth powers must stay finite
 using Grid = ModelGrid<kTerms, kSignals, kTraits>;
 
-/// Reads samples of a layer: the fragments of pixels that have some, and the other pixels. All arguments outlive it.
+/// Reads samples of a layer: the fragments of pixels that have some, and the other pixels. All arguments
+/// outlive it.
 class LightReader {
  public:
   LightReader(const Halves& halves, const LayerFragments& fragments, const Planes& geometry,

@@ -9,10 +9,11 @@
 
 namespace lumifold::filter {
 
-/// A candidate for the light of a layer where several surfaces meet: linear functions of the position, the normal, the
-/// distance and the roughness, fitted to the halves' light around each mixed pixel and each fragment. A fragment is a
-/// sample of its own, with the features of its surface alone; samples are weighted by their distance in the picture, by
-/// their features, by the similarity of F, and by their part of a pixel's samples.
+/// A candidate for the light of a layer where several surfaces meet: linear functions of the position, the
+/// normal, the distance and the roughness, fitted to the halves' light around each mixed pixel and each
+/// fragment. A fragment is a sample of its own, with the features of its surface alone; samples are weighted
+/// by their distance in the picture, by their features, by the similarity of F, and by their part of a
+/// pixel's samples.
 /// Shapes:  halves: as UseFragments() leaves them. geometry: of the layer, the fragments' own features last. `filtered`:
 ///          F. `knee`: of the stabilised F, over the layer's mean. Result: F off mixed pixels (Halves::is_mixed).
 /// Threads: identical for any pool.

@@ -6,8 +6,8 @@
 
 namespace lumifold::filter {
 
-/// A sample of a regression, in units of the picture's mean: a row of kSignals signals, then kTerms terms, of which the
-/// first is 1.
+/// A sample of a regression, in units of the picture's mean: a row of kSignals signals, then kTerms terms, of
+/// which the first is 1.
 template <size_t kTerms, size_t kSignals>
 struct FitSample {
   static constexpr size_t kLanes = 4;
@@ -19,8 +19,8 @@ struct FitSample {
   float power = 0;     // mean of F^2 over the channels
 };
 
-/// The signals as linear functions of the terms, less those of the centre that was fitted: for each term a slope for each
-/// signal.
+/// The signals as linear functions of the terms, less those of the centre that was fitted: for each term a
+/// slope for each signal.
 template <size_t kTerms, size_t kSignals>
 using LinearModel = std::array<float, kTerms * kSignals>;
 

@@ -16,9 +16,9 @@
 
 namespace lumifold::filter {
 
-/// Samples of pixels, any number of each, and local linear models fitted to them. Samples in a window are weighted by
-/// their distance in the picture and by their likeness. Models are fitted at every third pixel of every third row, and
-/// each sample takes the weighted mean of those around it.
+/// Samples of pixels, any number of each, and local linear models fitted to them. Samples in a window are
+/// weighted by their distance in the picture and by their likeness. Models are fitted at every third pixel of
+/// every third row, and each sample takes the weighted mean of those around it.
 /// Threads: identical for any pool.
 /// Source:  the collaborative mean over fits of Bitterli et al. 2016.
 template <size_t kTerms, size_t kSignals, size_t kTraits>
@@ -136,8 +136,9 @@ class ModelGrid {
     return fit.Solve();
   }
 
-  /// Calls body(i, weight) for the samples of the window around one for which is_wanted(i) is true. Weights are nearly those
-  /// of a normal curve, and fall to 0 without a step, so that rounding changes no sum by much.
+  /// Calls body(i, weight) for the samples of the window around one for which is_wanted(i) is true. Weights
+  /// are nearly those of a normal curve, and fall to 0 without a step, so that rounding changes no sum by
+  /// much.
   template <typename Wanted, typename Body>
   void ForEachSimilar(const Sample& centre, const Wanted& is_wanted, const Body& body) const {
     const float falloff = 1.0f / (params_.sigma_px * params_.sigma_px);

@@ -64,7 +64,8 @@ std::string ValueText(const Decision& decision, int value);
 using Values = std::map<std::string_view, int>;
 
 /// Reads "NAME=VALUE" texts; the last one of a name counts.
-/// Errors: kInvalidArgument for a decision that does not exist or cannot have that value, naming those that can.
+/// Errors: kInvalidArgument for a decision that does not exist or cannot have that value, naming those that
+/// can.
 absl::StatusOr<Values> ParseForced(absl::Span<const std::string> forced);
 
 }  // namespace lumifold::decisions

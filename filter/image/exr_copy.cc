@@ -128,8 +128,8 @@ bool IsSame(const Imf::MultiPartInputFile& file, const std::vector<PartPlan>& pa
   return true;
 }
 
-/// Copies the parts that are made from one part of the original, which is read once: some rows for all of them, then the
-/// next ones.
+/// Copies the parts that are made from one part of the original, which is read once: some rows for all of
+/// them, then the next ones.
 void CopyRows(Imf::MultiPartInputFile& file, int from, const std::vector<PartPlan>& parts,
               std::vector<Imf::OutputPart>& outputs) {
   const Imf::Header& header = file.header(from);

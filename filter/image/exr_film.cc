@@ -26,12 +26,12 @@ namespace {
 constexpr int kLines = 16;
 /// Rows of a list searched at a time.
 constexpr int kListRows = 4096;
-/// Bytes that go to or from the scratch file at once, where whole rows do. A row of a list has 64 a channel, and each call
-/// costs as much as copying several thousand.
+/// Bytes that go to or from the scratch file at once, where whole rows do. A row of a list has 64 a channel,
+/// and each call costs as much as copying several thousand.
 constexpr size_t kPieceBytes = size_t{1} << 20;
 
-/// Memory for decoding. OpenEXR holds two chunks of lines for each thread, three times each: as read, as decompressed, and
-/// in the order of the channels.
+/// Memory for decoding. OpenEXR holds two chunks of lines for each thread, three times each: as read, as
+/// decompressed, and in the order of the channels.
 constexpr double kDecodeBytes = 512.0 * (1 << 20);
 
 /// Threads for decoding a file within kDecodeBytes, at most `most`: fewer where a chunk is large.
@@ -168,7 +168,8 @@ class ExrFilm::Part {
     return static_cast<int>(std::max(size_t{1}, kPieceBytes / (sizeof(float) * RowFloats())));
   }
 
-  /// Calls copy(plane's row, place in `piece`) for the rows [y0, y1) of an image, in the scratch file's order.
+  /// Calls copy(plane's row, place in `piece`) for the rows [y0, y1) of an image, in the scratch file's
+  /// order.
   template <typename Image, typename Copy>
   void ForEachRow(Image& image, int y0, int y1, std::vector<float>& piece, Copy copy) const {
     float* place = piece.data();

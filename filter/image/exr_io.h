@@ -27,8 +27,8 @@ void SetExrThreads(int threads);
 /// Threads: safe for different paths.
 absl::Status WriteExr(const std::string& path, const LayeredImage& image);
 
-/// The same for a picture with its lists, which become parts called "edges" and "fragments". If they are empty, the file
-/// has one part, as above.
+/// The same for a picture with its lists, which become parts called "edges" and "fragments". If they are
+/// empty, the file has one part, as above.
 absl::Status WriteExr(const std::string& path, const EdgedImage& image);
 
 /// Reads all channels of a picture as float, and its string attributes as metadata. Lists are ignored.

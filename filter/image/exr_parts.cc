@@ -18,8 +18,9 @@ namespace {
 /// The most channels that are read: our pictures have under a hundred, a damaged header may list any number.
 constexpr int kMaxChannels = 1024;
 
-/// The most samples (channels times pixels) that a byte of a file can stand for, so that a header alone cannot make a
-/// reader take memory. Deflate compresses at most 1032:1. DWA also keeps one number for a block of 8x8 pixels.
+/// The most samples (channels times pixels) that a byte of a file can stand for, so that a header alone
+/// cannot make a reader take memory. Deflate compresses at most 1032:1. DWA also keeps one number for a block
+/// of 8x8 pixels.
 int64_t MaxSamplesPerByte(Imf::Compression compression) {
   const bool is_dwa = compression == Imf::DWAA_COMPRESSION || compression == Imf::DWAB_COMPRESSION;
   return is_dwa ? 64 * 1032 : 1032;
@@ -55,8 +56,8 @@ absl::Status CheckHeader(const std::string& path, const Imf::Header& header, uin
   return absl::OkStatus();
 }
 
-/// Number of the first part of the lists at the end of a file; that of its parts where there are none. OpenEXR refuses files
-/// that have a name twice.
+/// Number of the first part of the lists at the end of a file; that of its parts where there are none.
+/// OpenEXR refuses files that have a name twice.
 int FirstList(const Imf::MultiPartInputFile& file) {
   int first = file.parts();
   while (first > 1 && IsExrList(file.header(first - 1))) --first;

@@ -31,13 +31,13 @@ Imf::Slice ExrSliceOf(FloatView view, int x0, int y0);
 /// Slices of all channels of `image`, whose first pixel is (x0, y0) of the file.
 Imf::FrameBuffer ExrFrameOf(const LayeredImage& image, int x0, int y0);
 
-/// Whether this library reads the parts and headers of the file, which has `file_bytes` bytes: checks the sizes that the
-/// headers claim before memory is taken for them.
+/// Whether this library reads the parts and headers of the file, which has `file_bytes` bytes: checks the
+/// sizes that the headers claim before memory is taken for them.
 /// Errors: kInvalidArgument naming the file.
 absl::Status CheckExr(const std::string& path, const Imf::MultiPartInputFile& file, uint64_t file_bytes);
 
-/// The same for a file that may have a part for each layer, as CopyExr writes it, all of the same window, and then the
-/// lists.
+/// The same for a file that may have a part for each layer, as CopyExr writes it, all of the same window, and
+/// then the lists.
 absl::Status CheckLayeredExr(const std::string& path, const Imf::MultiPartInputFile& file,
                              uint64_t file_bytes);
 

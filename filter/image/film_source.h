@@ -19,9 +19,9 @@ class FilmSource {
   virtual int width() const = 0;
   virtual int height() const = 0;
 
-  /// The part of the film inside `rect`, which lies within it: all channels, and the edge set and the fragments of its
-  /// pixels, whose pixel coordinates start at the corner of `rect`. Cheapest if `rect` moves from left to right and
-  /// then downwards.
+  /// The part of the film inside `rect`, which lies within it: all channels, and the edge set and the
+  /// fragments of its pixels, whose pixel coordinates start at the corner of `rect`. Cheapest if `rect` moves
+  /// from left to right and then downwards.
   virtual absl::StatusOr<EdgedImage> Read(const Rect& rect) = 0;
 };
 

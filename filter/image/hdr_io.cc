@@ -32,8 +32,8 @@ constexpr int kLongestRun = 127;
 /// Bytes at the start of a line: one pixel, or the mark of the new coding.
 constexpr int64_t kLeastLineBytes = 4;
 
-/// A line of one colour takes 12 bytes in the old coding with runs of up to 2^16 pixels; a picture of 16384x8192 pixels
-/// has 1365 pixels to a byte then. What claims more is a bomb or cut short.
+/// A line of one colour takes 12 bytes in the old coding with runs of up to 2^16 pixels; a picture of
+/// 16384x8192 pixels has 1365 pixels to a byte then. What claims more is a bomb or cut short.
 constexpr int64_t kMaxPixelsPerByte = 4096;
 
 struct Header {

@@ -21,8 +21,8 @@ class LayeredImage {
 
   LayeredImage() = default;
   LayeredImage(int width, int height) : width_(width), height_(height) {}
-  /// A list, such as an edge set or fragments: `rows` rows of `width` values in each channel. Its planes are packed
-  /// (Plane::Packed), which pictures' are not.
+  /// A list, such as an edge set or fragments: `rows` rows of `width` values in each channel. Its planes are
+  /// packed (Plane::Packed), which pictures' are not.
   static LayeredImage List(int width, int rows);
 
   /// A picture, or a list if this is one, of another size and without channels.

@@ -41,7 +41,8 @@ inline constexpr std::string_view kRoughness = "roughness.Y";  // GGX alpha of t
 inline constexpr std::string_view kSamplesA = "samples_a.Y";
 inline constexpr std::string_view kSamplesB = "samples_b.Y";
 
-// Coordinates of a pixel in the whole frame, of edge sets and fragments; their other channels have the names above.
+// Coordinates of a pixel in the whole frame, of edge sets and fragments; their other channels have the names
+// above.
 inline constexpr std::string_view kPixelX = "pixel.X";
 inline constexpr std::string_view kPixelY = "pixel.Y";
 
@@ -138,8 +139,8 @@ std::vector<std::string> LevelFeatureChannels(Level level);
 /// The channels of an edge set, see EdgedImage.
 std::vector<std::string> EdgeChannels();
 
-/// The channels of a list of fragments, see EdgedImage, with the layers of kFragmentHalved and kFragmentWhole for which
-/// `has` is true. None if it has no light of kFragmentHalved: such fragments would tell nothing.
+/// The channels of a list of fragments, see EdgedImage, with the layers of kFragmentHalved and kFragmentWhole
+/// for which `has` is true. None if it has no light of kFragmentHalved: such fragments would tell nothing.
 std::vector<std::string> FragmentChannels(absl::FunctionRef<bool(std::string_view layer)> has);
 /// The same with all layers.
 std::vector<std::string> FragmentChannels();

@@ -18,8 +18,8 @@ namespace {
 
 #ifdef __SANITIZE_THREAD__
 
-/// ThreadSanitizer does not see what orders threads inside a TBB built without it. Here threads are ordered by
-/// their start and end alone, so that tasks of one loop that share memory without an order are found.
+/// ThreadSanitizer does not see what orders threads inside a TBB built without it. Here threads are ordered
+/// by their start and end alone, so that tasks of one loop that share memory without an order are found.
 class ThreadsOfEachLoop final : public TaskPool {
  public:
   explicit ThreadsOfEachLoop(int threads) : threads_(threads) {}

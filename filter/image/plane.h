@@ -66,8 +66,8 @@ class Plane {
   Plane(int width, int height);
   /// A plane of undefined values, to be written before it is read.
   static Plane Uninitialized(int width, int height);
-  /// A plane of undefined values whose rows follow each other without padding: for lists, whose rows are short and no
-  /// kernel's. Only the last one ends with a whole vector.
+  /// A plane of undefined values whose rows follow each other without padding: for lists, whose rows are
+  /// short and no kernel's. Only the last one ends with a whole vector.
   static Plane Packed(int width, int height);
 
   /// A copy, padded or packed like this plane.

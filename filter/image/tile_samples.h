@@ -17,8 +17,8 @@ inline constexpr int kSampleBlock = 2;
 /// Blocks that `pixels` in a row or column have; the last one may be smaller.
 constexpr int BlocksIn(int pixels) { return (pixels + kSampleBlock - 1) / kSampleBlock; }
 
-/// The sample indices of each pixel of a tile: the same in all, or the same within each block of kSampleBlock x
-/// kSampleBlock pixels, counted from the tile's corner.
+/// The sample indices of each pixel of a tile: the same in all, or the same within each block of kSampleBlock
+/// x kSampleBlock pixels, counted from the tile's corner.
 /// Threads: safe concurrently.
 class TileSamples {
  public:

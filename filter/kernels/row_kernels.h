@@ -18,8 +18,8 @@ namespace lumifold::filter {
 inline constexpr int kStripColumns = 1024;
 /// Floats to which rows of pixels are padded.
 inline constexpr int kRowPadding = 16;
-/// Distance of sums that are added to side by side. Strips a power of two apart would share a few sets of the cache, and
-/// drive each other out.
+/// Distance of sums that are added to side by side. Strips a power of two apart would share a few sets of the
+/// cache, and drive each other out.
 inline constexpr size_t kSumStride = kStripColumns + kRowPadding;
 /// Floats that may be read (not used) after the last cell of a row of cells.
 inline constexpr int kCellPadding = 32;

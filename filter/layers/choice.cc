@@ -13,7 +13,8 @@ namespace {
 
 constexpr float kMixedKind = 1;
 constexpr float kPointKind = 2;
-/// Terms that are summed: numerator n and denominator d of t, n^2, n d, d^2, and d times the relative variance of a half.
+/// Terms that are summed: numerator n and denominator d of t, n^2, n d, d^2, and d times the relative
+/// variance of a half.
 constexpr size_t kTerms = 6;
 
 int CellsIn(int pixels) { return (pixels + kChoiceCell - 1) / kChoiceCell; }
@@ -31,12 +32,13 @@ Planes CellSums(const Planes& planes, TaskPool* pool) {
   return cells;
 }
 
-/// Variance of t = sum(n) / sum(d) from the residuals n - t d, as for a regression through 0 with unequal variances. A
-/// pixel of leverage h, its part of sum(d), draws t towards itself, which makes residuals too small by 1 - h, and
-/// without it t may be smaller by h t: what a single pixel alone asks for, such as a firefly that both halves have
-/// hit, is not significant. For all leverages stands their mean. `mean(k)`: of the terms over `cells` cells. With
-/// `by_pixel` leverage counts as far as the halves may have agreed by chance: many samples tell by themselves what one pixel
-/// shows. They do not tell of others, so that leverage counts in full over windows wider than what looks alike.
+/// Variance of t = sum(n) / sum(d) from the residuals n - t d, as for a regression through 0 with unequal
+/// variances. A pixel of leverage h, its part of sum(d), draws t towards itself, which makes residuals too
+/// small by 1 - h, and without it t may be smaller by h t: what a single pixel alone asks for, such as a
+/// firefly that both halves have hit, is not significant. For all leverages stands their mean. `mean(k)`: of
+/// the terms over `cells` cells. With `by_pixel` leverage counts as far as the halves may have agreed by
+/// chance: many samples tell by themselves what one pixel shows. They do not tell of others, so that leverage
+/// counts in full over windows wider than what looks alike.
 template <typename Mean>
 float VarianceOf(float t, const Mean& mean, float cells, bool by_pixel) {
   constexpr float kMostLeverage = 0.99f;
@@ -67,8 +69,8 @@ struct Choice::Terms {
     variance += (a - b) * (a - b);
   }
 
-  /// Weighs all of them. The halves may agree by chance; n samples that vary by as much as their mean have relative
-  /// variance 1 / n.
+  /// Weighs all of them. The halves may agree by chance; n samples that vary by as much as their mean have
+  /// relative variance 1 / n.
   void Weigh(float weight, float samples) {
     numerator *= weight;
     denominator *= weight;

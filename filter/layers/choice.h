@@ -26,8 +26,8 @@ struct ChoicePoints {
 };
 
 struct ChoiceParams {
-  /// Windows in which pictures are compared, from the widest to the narrowest: radii in pixels, of the two wide ones
-  /// in multiples of kChoiceCell.
+  /// Windows in which pictures are compared, from the widest to the narrowest: radii in pixels, of the two
+  /// wide ones in multiples of kChoiceCell.
   int widest_radius = 48;
   int wide_radius = 12;
   int narrow_radius = 3;
@@ -39,24 +39,26 @@ struct ChoiceParams {
 /// Side in pixels of the cells that wide windows are summed over.
 inline constexpr int kChoiceCell = 4;
 
-/// Chooses between pictures of one noisy picture N by its halves. One object serves all comparisons of a picture.
+/// Chooses between pictures of one noisy picture N by its halves. One object serves all comparisons of a
+/// picture.
 ///
-/// Two pictures F and G are compared by the t in [0, 1] for which F + t (G - F) has the least squared error. With
-/// D = G - F, half A of each picture is compared with half B of N and the reverse:
+/// Two pictures F and G are compared by the t in [0, 1] for which F + t (G - F) has the least squared error.
+/// With D = G - F, half A of each picture is compared with half B of N and the reverse:
 ///   t = sum(D_A (N_B - F_A) + D_B (N_A - F_B) + (D_A - D_B)(F_A - F_B) / 2) / sum((D_A + D_B)^2 / 2).
-/// Noise that F and G have in common cancels. Sums are over windows. The t of a narrow window replaces that of the
-/// next wider one, and that of the widest window replaces 0, as far as the difference is significant: it is
-/// multiplied by max(0, 1 - significance * variance / difference^2). So each estimate is smoothed as far as its own
-/// noise asks, and a difference that the halves do not show changes nothing. Errors are weighted by ErrorWeight().
-/// Three kinds of pixels are compared apart: those with points, whose errors are those of the points; others in which
-/// or beside which several surfaces meet (Halves::is_mixed); and all others.
+/// Noise that F and G have in common cancels. Sums are over windows. The t of a narrow window replaces that
+/// of the next wider one, and that of the widest window replaces 0, as far as the difference is significant:
+/// it is multiplied by max(0, 1 - significance * variance / difference^2). So each estimate is smoothed as
+/// far as its own noise asks, and a difference that the halves do not show changes nothing. Errors are
+/// weighted by ErrorWeight(). Three kinds of pixels are compared apart: those with points, whose errors are
+/// those of the points; others in which or beside which several surfaces meet (Halves::is_mixed); and all
+/// others.
 ///
 /// Source:  halves: Rousselle et al. 2012; t: stacked regression, Breiman 1996; shrinkage: James & Stein 1961.
 /// Threads: safe concurrently; identical for any pool.
 class Choice {
  public:
-  /// `light`: of the picture over its mean, W x H. Keeps references to `halves`, which hold N, and to `points`, which may
-  /// be null.
+  /// `light`: of the picture over its mean, W x H. Keeps references to `halves`, which hold N, and to
+  /// `points`, which may be null.
   Choice(const Halves& halves, const Plane& light, const ChoiceParams& params, const ChoicePoints* points,
          TaskPool* pool);
 

@@ -10,11 +10,12 @@
 namespace lumifold::filter {
 namespace {
 
-/// E of a sub-sample is a mean over 16 rays beside bright lamps, and matters nowhere else (RenderGeometryUnit()).
+/// E of a sub-sample is a mean over 16 rays beside bright lamps, and matters nowhere else
+/// (RenderGeometryUnit()).
 constexpr float kRaysOfEmission = 16 * kSubSamples;
 
-/// Weight of the mean over n own samples beside that over the sub-samples' rays: both are stratified, so that their
-/// errors fall nearly as 1/n.
+/// Weight of the mean over n own samples beside that over the sub-samples' rays: both are stratified, so that
+/// their errors fall nearly as 1/n.
 float OwnWeight(float n, float rays) { return n * n / (n * n + rays * rays); }
 
 /// A fragment while its samples are counted.
@@ -96,8 +97,9 @@ Fragment Finish(const Counted& counted, const std::array<float, 2>& in_pixel) {
 
 using ColorOfHalves = std::array<std::array<float, 3>, 2>;
 
-/// FragmentSet::Pixel::emission_of_half by the means of the surfaces that the samples hit (`rows` of the film's fragments).
-/// Samples that hit none see the environment, which has what is left of E. 0 where the fragments have no E.
+/// FragmentSet::Pixel::emission_of_half by the means of the surfaces that the samples hit (`rows` of the
+/// film's fragments). Samples that hit none see the environment, which has what is left of E. 0 where the
+/// fragments have no E.
 ColorOfHalves EmissionOfHalves(const Frame& frame, const std::vector<int>& rows,
                                const std::array<float, 2>& in_pixel, int x, int y) {
   const FragmentViews& fragments = *frame.fragments;
@@ -147,7 +149,8 @@ class FragmentList {
  public:
   explicit FragmentList(const FragmentViews& views) : views_(views) {}
 
-  /// The rows of the pixel, which come in the order of the frame's rows; rows of other pixels are passed over.
+  /// The rows of the pixel, which come in the order of the frame's rows; rows of other pixels are passed
+  /// over.
   std::vector<int> RowsOf(int x, int y) {
     while (next_ < views_.rows() && PlaceOf(next_) < std::array<int, 2>{y, x}) ++next_;
     std::vector<int> rows;
@@ -184,7 +187,8 @@ FragmentSet EmissionOf(const Frame& frame) {
   return set;
 }
 
-/// What sub-samples do not tell of a surface: S and roughness, summed over all samples of the frame that hit it.
+/// What sub-samples do not tell of a surface: S and roughness, summed over all samples of the frame that hit
+/// it.
 struct Gloss {
   std::array<float, 3> albedo = {};
   float roughness = 0;

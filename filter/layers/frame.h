@@ -74,8 +74,8 @@ struct FragmentViews {
 /// What is added to C, half A and half B: 3 planes each, W x H. A pixel of zeros keeps C to the last bit.
 using FrameChange = std::array<Planes, 2>;
 
-/// Typed views of a film, its edge set and its fragments, resolved once; all must outlive it. Views of channels that the
-/// film lacks are empty. All others are W x H.
+/// Typed views of a film, its edge set and its fragments, resolved once; all must outlive it. Views of
+/// channels that the film lacks are empty. All others are W x H.
 struct Frame {
   int width = 0;
   int height = 0;

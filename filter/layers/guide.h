@@ -25,8 +25,8 @@ struct FeaturePair {
   Planes b;
 };
 
-/// [NLM coordinates of each half / sigma_q | geometry] in one basis for both. Consumes the guide: its planes are
-/// freed before the manifolds need memory.
+/// [NLM coordinates of each half / sigma_q | geometry] in one basis for both. Consumes the guide: its planes
+/// are freed before the manifolds need memory.
 /// Threads: identical for any pool.
 FeaturePair MakeFeatures(Guide&& from, const Halves& halves, const PatchParams& patches, float sigma_q,
                          const Planes& geometry, TaskPool* pool);

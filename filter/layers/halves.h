@@ -23,10 +23,11 @@ struct Halves {
   /// Light of the whole picture over its mean, which weights the layer's errors (ErrorWeight); empty: the
   /// layer's own light.
   Plane picture_light;
-  /// Squared difference of the halves to be expected from what is known of their samples, sum of the channels: halves
-  /// may agree by chance. Empty: nothing is known.
+  /// Squared difference of the halves to be expected from what is known of their samples, sum of the
+  /// channels: halves may agree by chance. Empty: nothing is known.
   Plane expected_difference;
-  /// 1 where several surfaces meet in a pixel or next to it, else 0: errors are averaged over pixels of one kind.
+  /// 1 where several surfaces meet in a pixel or next to it, else 0: errors are averaged over pixels of one
+  /// kind.
   Plane is_mixed;
 
   int width() const { return weight.width(); }

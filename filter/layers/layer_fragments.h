@@ -11,8 +11,8 @@
 
 namespace lumifold::filter {
 
-/// The light of D, I or G on the fragments of a film. Index 0 of a pair is half A, 1 is half B. A fragment that reflects
-/// such light is a point; the points of a pixel follow each other.
+/// The light of D, I or G on the fragments of a film. Index 0 of a pair is half A, 1 is half B. A fragment
+/// that reflects such light is a point; the points of a pixel follow each other.
 struct LayerFragments {
   struct Pixel {
     int x = 0;  // relative to the layer's box
@@ -36,8 +36,8 @@ struct LayerFragments {
 LayerFragments LayerFragmentsOf(const Frame& frame, const FragmentSet& set, const Product& product,
                                 const GeometryRanges& ranges);
 
-/// Mean of `values`, 3 of each point, over the points of a pixel for which has(point) is true, weighted by their
-/// coverage in half `h`; none where these cover nothing.
+/// Mean of `values`, 3 of each point, over the points of a pixel for which has(point) is true, weighted by
+/// their coverage in half `h`; none where these cover nothing.
 template <typename Has>
 std::optional<std::array<float, 3>> MeanOverPoints(const LayerFragments& fragments,
                                                    const LayerFragments::Pixel& pixel, size_t h,
@@ -55,8 +55,8 @@ std::optional<std::array<float, 3>> MeanOverPoints(const LayerFragments& fragmen
   return mean;
 }
 
-/// Replaces the features of each pixel by those of the surface that covers most of it: means over several surfaces
-/// resemble none of them.
+/// Replaces the features of each pixel by those of the surface that covers most of it: means over several
+/// surfaces resemble none of them.
 void UseDominantFeatures(const LayerFragments& fragments, Planes* geometry);
 
 /// Converts the fragments' light to the halves' unit, and replaces the halves' pixels by the means over their

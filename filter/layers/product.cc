@@ -12,8 +12,8 @@ namespace {
 
 constexpr float kWhollyValid = 0.999f;
 constexpr float kLeastValid = 0.06f;  // one of 16 sub-samples
-/// Margin of a box in pixels. Its edges are then moved outwards to whole bands and to multiples of kBoxColumns,
-/// so that coarse cells lie as in the whole frame.
+/// Margin of a box in pixels. Its edges are then moved outwards to whole bands and to multiples of
+/// kBoxColumns, so that coarse cells lie as in the whole frame.
 constexpr int kBoxMargin = 16;
 constexpr int kBoxColumns = 16;
 
@@ -105,8 +105,8 @@ void AddLobe(const Frame& frame, const LobeViews& lobe, const GeometryRanges& ra
   products->push_back(std::move(product));
 }
 
-/// Features of a level: the surface seen there, and the normal of the surface that it is seen in, so that curved
-/// mirrors do not blur their reflections.
+/// Features of a level: the surface seen there, and the normal of the surface that it is seen in, so that
+/// curved mirrors do not blur their reflections.
 Planes LevelGeometry(const Frame& frame, const LevelViews& level, const Rect& box, ConstFloatView validity,
                      const GeometryRanges& ranges, TaskPool* pool) {
   Planes geometry = GeometryFeatures(GeometryOf(level.surface, box), validity, ranges, pool);

@@ -48,8 +48,8 @@ std::vector<Product> ProductsOf(const Frame& frame, const ProductParams& params,
 /// The product's halves inside its box, scaled and made safe to compute with.
 Halves HalvesOf(const Product& product, TaskPool* pool);
 
-/// Converts filtered light of the halves' unit, of the covered part of each pixel, to means over pixels in the film's.
-/// `planes`: of the box's size.
+/// Converts filtered light of the halves' unit, of the covered part of each pixel, to means over pixels in
+/// the film's. `planes`: of the box's size.
 void RestoreUnits(const Product& product, float scale, TaskPool* pool, Planes* planes);
 
 }  // namespace lumifold::filter

@@ -17,7 +17,8 @@ namespace lumifold::filter {
 struct FilteredLayer {
   Candidate light;
   LayerFragments fragments = {};
-  /// The energy of outliers that half A returns less that of half B, 3 planes; `light` has its mean in both. Empty: none.
+  /// The energy of outliers that half A returns less that of half B, 3 planes; `light` has its mean in both.
+  /// Empty: none.
   Planes returned = {};
 };
 
@@ -29,16 +30,17 @@ FilteredLayer BlackLayer(const Product& product);
 
 FrameChange NoChange(const Frame& frame);
 
-/// Adds (filtered - noisy) * factor of a product, half by half, to *change, and subtracts noisy * factor from *rest,
-/// which may be null. On mixed pixels both are sums over the fragments: filtered light times coverage times T, noisy
-/// light times the share of the samples times T. Where a half has no sample of a layer, the layer's mean stands for it.
-/// Unusable values count as 0.
+/// Adds (filtered - noisy) * factor of a product, half by half, to *change, and subtracts noisy * factor from
+/// *rest, which may be null. On mixed pixels both are sums over the fragments: filtered light times coverage
+/// times T, noisy light times the share of the samples times T. Where a half has no sample of a layer, the
+/// layer's mean stands for it. Unusable values count as 0.
 /// Threads: identical for any pool.
 void AddFiltered(const Product& product, const FilteredLayer& layer, TaskPool* pool, Remainder* rest,
                  FrameChange* change);
 
-/// Adds what a product returns of outliers, half A less half B, times the factor, to *returned: 3 planes, W x H, which are
-/// made where something returns; empty before. On mixed pixels the factor is the mean over the fragments by coverage.
+/// Adds what a product returns of outliers, half A less half B, times the factor, to *returned: 3 planes, W x
+/// H, which are made where something returns; empty before. On mixed pixels the factor is the mean over the
+/// fragments by coverage.
 /// Threads: identical for any pool.
 void AddReturned(const Frame& frame, const Product& product, const FilteredLayer& layer, TaskPool* pool,
                  Planes* returned);

@@ -78,8 +78,8 @@ Plane Roughness(ConstFloatView channel, const Plane& mask, TaskPool* pool) {
   return roughness;
 }
 
-/// A nearly normal number of mean 0 and variance 1 (the sum of 12 uniform ones), fixed for each (layer, pixel).
-/// The channels of a pixel share it, as they share the paths that make noise.
+/// A nearly normal number of mean 0 and variance 1 (the sum of 12 uniform ones), fixed for each (layer,
+/// pixel). The channels of a pixel share it, as they share the paths that make noise.
 float NormalNumber(uint64_t layer, int x, int y) {
   const uint64_t key = MixBits((layer << 56) ^ (static_cast<uint64_t>(static_cast<uint32_t>(y)) << 28) ^
                                static_cast<uint64_t>(static_cast<uint32_t>(x)));

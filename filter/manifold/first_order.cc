@@ -35,8 +35,9 @@ Moments ReadMoments(Read&& read) {
           {read(8), read(9), read(10)}, read(11), read(12), read(13)};
 }
 
-/// The plane's value at (x0, y0): the mean light plus slope times the offset from the mean position. Samples tell nothing of
-/// places far beyond them, where rounding would decide: an offset of more than kMostDeviations deviations is cut to them.
+/// The plane's value at (x0, y0): the mean light plus slope times the offset from the mean position. Samples
+/// tell nothing of places far beyond them, where rounding would decide: an offset of more than
+/// kMostDeviations deviations is cut to them.
 std::array<float, kColors> PlaneAt(const Moments& m, float ridge, float x0, float y0) {
   // Far from the centre of a very wide picture, rounding may make variances negative.
   const float xx = std::max(m.xx - m.x * m.x, 0.0f) + ridge;

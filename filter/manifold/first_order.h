@@ -25,9 +25,9 @@ Planes WithPosition(const Planes& light, float unit_px, TaskPool* pool);
 /// weight's.
 void AddMoments(Planes* splat);
 
-/// The fitted plane's value at each pixel. `means`: the moments, blurred, sliced and divided by the weight; `ridge` is
-/// added to the variances of positions.
-/// Result: 3 planes; the pixel's own light where the filter found nothing.
+/// The fitted plane's value at each pixel. `means`: the moments, blurred, sliced and divided by the weight;
+/// `ridge` is added to the variances of positions. Result: 3 planes; the pixel's own light where the filter
+/// found nothing.
 /// Threads: identical for any pool.
 Planes FitLight(const Planes& means, float unit_px, float ridge, TaskPool* pool);
 

@@ -32,8 +32,8 @@ struct CellSpan {
 /// The span of pixel p on an axis of `cells` cells of `step` pixels.
 CellSpan SpanOf(int p, int step, int cells);
 
-/// The means over the cells of a strip, `count` pixels of row `row` of cells from pixel x0 on, into `cells` from the
-/// strip's first on. `sums`: for each column of pixels the sum over the cells' rows; overwritten.
+/// The means over the cells of a strip, `count` pixels of row `row` of cells from pixel x0 on, into `cells`
+/// from the strip's first on. `sums`: for each column of pixels the sum over the cells' rows; overwritten.
 void StoreCellMeans(const Lattice& lattice, int row, int x0, int count, float* sums, float* cells);
 
 }  // namespace lumifold::filter

@@ -10,10 +10,12 @@ namespace lumifold::filter {
 
 /// Weight of a cluster in a cell, in pixels, below which it has no mean there.
 inline constexpr float kLeastClusterMass = 1e-12f;
-/// Weight of the parent's manifold beside that of a cluster, in pixels. A cell that the cluster hardly reaches takes the
-/// parent's; so a pixel that rounding puts into the other one of two clusters, being on their seam, changes neither.
+/// Weight of the parent's manifold beside that of a cluster, in pixels. A cell that the cluster hardly
+/// reaches takes the parent's; so a pixel that rounding puts into the other one of two clusters, being on
+/// their seam, changes neither.
 inline constexpr float kParentMass = 1e-5f;
-/// Added to the sum of a pixel's weights where its mass is divided by it: pixels beyond all manifolds fade out.
+/// Added to the sum of a pixel's weights where its mass is divided by it: pixels beyond all manifolds fade
+/// out.
 inline constexpr float kLeastTotal = 1e-15f;
 /// Sum of a pixel's weights over all manifolds below which it keeps its own signal.
 inline constexpr float kLeastWeight = 1e-20f;

@@ -13,9 +13,9 @@
 #include "filter/manifold/splat.h"
 #include "filter/manifold/weigh.h"
 
-// First the whole tree of manifolds, with the weights of pixels and points on each; then splat, blur and slice level by
-// level, so that full-resolution planes are read once for each level. Work at full resolution is per pixel: distance to
-// the manifolds, splat into the pixel's own cell, slice. All recursion is on cells.
+// First the whole tree of manifolds, with the weights of pixels and points on each; then splat, blur and
+// slice level by level, so that full-resolution planes are read once for each level. Work at full resolution
+// is per pixel: distance to the manifolds, splat into the pixel's own cell, slice. All recursion is on cells.
 namespace lumifold::filter {
 namespace {
 

@@ -14,8 +14,9 @@ struct ManifoldParams {
   int height = 4;          // levels of the tree, 1..8: 2^height - 1 manifolds
   int pca_iterations = 3;  // >= 1: steps of power iteration for the axis that splits a cluster
   int cell = 0;  // side of a coarse cell in pixels: a power of two up to kBandRows; 0: CellSize(sigma_s)
-  /// Pixels and points whose weights on all manifolds sum to less than 1 splat more, so that they give all their mass. As
-  /// published, they give less the farther they are from all manifolds, and pixels nearer to these decide what they get.
+  /// Pixels and points whose weights on all manifolds sum to less than 1 splat more, so that they give all
+  /// their mass. As published, they give less the farther they are from all manifolds, and pixels nearer to
+  /// these decide what they get.
   bool keeps_mass = false;
   bool is_first_order = false;  // fits planes to the signals, of which there are 3 (first_order.h)
   /// Added to the variances of positions, in reaches, so that slopes that few pixels support stay small.
@@ -32,8 +33,8 @@ inline int CellOf(const ManifoldParams& params) {
 
 /// Filters `signals` with adaptive manifolds through the space spanned by `features`:
 ///   out = sum_k w_k up(Psi_k) / sum_k w_k up(Psi0_k), w_k = exp(-|u - up(eta_k)|^2),
-/// where Psi_k is the signal splatted with w_k (if keeps_mass, w_k / min(1, sum_j w_j)) onto manifold k's coarse cells and
-/// blurred along the manifold.
+/// where Psi_k is the signal splatted with w_k (if keeps_mass, w_k / min(1, sum_j w_j)) onto manifold k's
+/// coarse cells and blurred along the manifold.
 /// Shapes:  signals: C planes, features: d planes (>= 1), mask: all W x H. Result: C planes, W x H.
 /// Units:   features are divided by their range sigmas beforehand, so that 1 is one sigma; the signal's unit
 ///          does not matter.
@@ -48,8 +49,8 @@ inline int CellOf(const ManifoldParams& params) {
 Planes ManifoldFilter(const Planes& signals, const Planes& features, ConstFloatView mask,
                       const ManifoldParams& params, TaskPool* pool);
 
-/// Points in feature space that belong to no pixel centre: sub-samples of edge pixels, or the surfaces that an
-/// edge pixel shows. The filter is read at them; points with signals are filtered like pixels.
+/// Points in feature space that belong to no pixel centre: sub-samples of edge pixels, or the surfaces that
+/// an edge pixel shows. The filter is read at them; points with signals are filtered like pixels.
 struct SlicePoints {
   size_t samples = 1;                      // points of a pixel
   std::vector<std::array<int, 2>> pixels;  // x, y of each pixel that has points; a pixel may occur repeatedly
@@ -62,8 +63,8 @@ struct SlicePoints {
   /// Signals of the points, with which they are splatted in their pixels' cells beside the pixels: channel c
   /// of point j of pixel i is at [(i * C + c) * samples + j]. Empty: points are read only.
   std::vector<float> signals;
-  /// Weights of the points in splats, >= 0, at [i * samples + j], beside the mask of the pixels. A pixel whose
-  /// points have weight is not splatted itself.
+  /// Weights of the points in splats, >= 0, at [i * samples + j], beside the mask of the pixels. A pixel
+  /// whose points have weight is not splatted itself.
   std::vector<float> weights;
 };
 
@@ -84,8 +85,8 @@ struct ManifoldResult {
 
 /// ManifoldFilter with a blur of its own and with points. Manifolds and splats are those of params.sigma_s;
 /// the blur along the manifolds has sigma `reach` (pixels, > 0). With reach = params.sigma_s, `filtered` is
-/// ManifoldFilter's. `points`, which may be null, are read from the same manifolds without another blur; those
-/// with signals are also splatted on them. The clusters are those of the pixels alone.
+/// ManifoldFilter's. `points`, which may be null, are read from the same manifolds without another blur;
+/// those with signals are also splatted on them. The clusters are those of the pixels alone.
 /// Source: the points are those of Gruzdev et al. 2015, antialiasing.
 ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& features, ConstFloatView mask,
                                       const ManifoldParams& params, float reach, const SlicePoints* points,

@@ -10,7 +10,8 @@
 namespace lumifold::filter {
 namespace {
 
-/// Low-passed features over low-passed weight, in place, drawn to the parent's manifold; 0 where there is neither.
+/// Low-passed features over low-passed weight, in place, drawn to the parent's manifold; 0 where there is
+/// neither.
 void DivideByWeight(const Plane& weight, const Plane* parent, Plane* eta) {
   const std::vector<float> zeros(static_cast<size_t>(eta->width()), 0.0f);
   for (int y = 0; y < eta->height(); ++y) {

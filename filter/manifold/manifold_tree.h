@@ -23,9 +23,9 @@ struct ClusterSums {
 /// Uninitialised planes.
 ClusterSums MakeClusterSums(size_t features, const Lattice& lattice);
 
-/// The manifold of a cluster: low-passed weighted features over low-passed weight, drawn to `parent` by kParentMass (0
-/// where parent is null and there is no weight). Its axis comes from `iterations` steps of power iteration on
-/// the covariance of the cells around the manifold; it is empty for 0 iterations.
+/// The manifold of a cluster: low-passed weighted features over low-passed weight, drawn to `parent` by
+/// kParentMass (0 where parent is null and there is no weight). Its axis comes from `iterations` steps of
+/// power iteration on the covariance of the cells around the manifold; it is empty for 0 iterations.
 /// Units:   sigma_cells in cells.
 /// Threads: identical for any pool.
 /// Source:  Gastal & Oliveira 2012, Algorithm 1, steps 1 and 4, Eq. (7) and (8); the axis: Appendix B.

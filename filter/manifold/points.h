@@ -12,15 +12,15 @@
 
 namespace lumifold::filter {
 
-/// Weights of all points on the manifolds of a level: w of point p on manifold i at [p * stride + i], p = pixel *
-/// samples + sample, in the order of SlicePoints::weights.
+/// Weights of all points on the manifolds of a level: w of point p on manifold i at [p * stride + i], p =
+/// pixel * samples + sample, in the order of SlicePoints::weights.
 struct PointWeights {
   size_t stride = 0;  // manifolds, padded
   std::vector<float> values;
 };
 
-/// The points of one run of the filter, and the cells they are read from. Each pixel of points reads all planes of four
-/// cells, so these cells are packed first: the planes of a cell one after another.
+/// The points of one run of the filter, and the cells they are read from. Each pixel of points reads all
+/// planes of four cells, so these cells are packed first: the planes of a cell one after another.
 /// Threads: const calls are safe concurrently; results are identical for any pool.
 class Points {
  public:
@@ -30,18 +30,20 @@ class Points {
   /// exp(-squared distance between the points' features and each manifold).
   PointWeights Weigh(const std::vector<Manifold>& manifolds, TaskPool* pool) const;
 
-  /// Adds the points' signals to the splats of a level: mass * w * signal, and mass * w, over the cell's area.
-  /// `signals`: laid out as SlicePoints::signals, C channels; `masses`: as SlicePoints::weights.
+  /// Adds the points' signals to the splats of a level: mass * w * signal, and mass * w, over the cell's
+  /// area. `signals`: laid out as SlicePoints::signals, C channels; `masses`: as SlicePoints::weights.
   void Splat(const std::vector<float>& signals, const std::vector<float>& masses, const PointWeights& weights,
              TaskPool* pool, std::vector<Planes>* splats) const;
 
-  /// Adds w * psi of a level's manifolds to the points' sums: values and weights, laid out as in SlicedPoints.
+  /// Adds w * psi of a level's manifolds to the points' sums: values and weights, laid out as in
+  /// SlicedPoints.
   /// Source: Gruzdev et al. 2015, antialiasing.
   void Slice(const std::vector<Planes>& psi, const PointWeights& weights, TaskPool* pool,
              SlicedPoints* sums) const;
 
  private:
-  /// Consecutive entries of SlicePoints::pixels that are of one pixel: what is read from cells is the same for all.
+  /// Consecutive entries of SlicePoints::pixels that are of one pixel: what is read from cells is the same
+  /// for all.
   struct Run {
     size_t first;
     size_t last;

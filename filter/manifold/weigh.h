@@ -25,8 +25,8 @@ struct Level {
   std::vector<ClusterSums> children;  // of the next level's clusters; empty at the last level
 };
 
-/// Weighs pixels on the manifolds of a level, one row of cells at a time, in strips that stay in the cache; also splits
-/// each cluster by its axis and sums its children, unless the level has none.
+/// Weighs pixels on the manifolds of a level, one row of cells at a time, in strips that stay in the cache;
+/// also splits each cluster by its axis and sums its children, unless the level has none.
 /// Threads: holds scratch memory, so one object for each task; rows of cells are independent.
 /// Source:  Gastal & Oliveira 2012, Eq. (3), (5) and (6), with box means onto cells.
 class StripWeigh {

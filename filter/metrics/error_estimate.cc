@@ -23,8 +23,9 @@ float WeightAt(float value, ErrorMetric metric) {
   return slope * slope;
 }
 
-/// Squared error of a value that is off by `deviation` to either side. The display's curve is not straight over large ones,
-/// and ends: an unlucky pixel beside a lamp would outweigh the rest of the picture by the curve's slope.
+/// Squared error of a value that is off by `deviation` to either side. The display's curve is not straight
+/// over large ones, and ends: an unlucky pixel beside a lamp would outweigh the rest of the picture by the
+/// curve's slope.
 double SquaredError(float value, float deviation, ErrorMetric metric) {
   if (metric == ErrorMetric::kRelMse) return double{WeightAt(value, metric)} * deviation * deviation;
   const double shown = double{SrgbFromLinear(value)};
@@ -154,8 +155,8 @@ void ScaleToError(Blocks* blocks) {
   for (Sums& block : blocks->sums) block.error *= over_variance * all / shown;
 }
 
-/// What tells how large the error of a block is: logarithms of the noise of one sample around it, of its detail, and of the
-/// parts of edge pixels in it and around it.
+/// What tells how large the error of a block is: logarithms of the noise of one sample around it, of its
+/// detail, and of the parts of edge pixels in it and around it.
 constexpr Eigen::Index kTraits = 4;
 using Traits = Eigen::Vector<double, kTraits>;
 
@@ -193,8 +194,8 @@ Sums SumAround(const Blocks& blocks, int column, int row) {
   return around;
 }
 
-/// Where all samples of a pixel are alike, and the filter changed it by what is around, they may not have met what others have:
-/// it is taken to err as what is around. The sum of all errors stays.
+/// Where all samples of a pixel are alike, and the filter changed it by what is around, they may not have met
+/// what others have: it is taken to err as what is around. The sum of all errors stays.
 void FillUnmet(Blocks* blocks, TaskPool* pool) {
   std::vector<double> errors(blocks->sums.size());
   ParallelFor(pool, blocks->rows, [&](int64_t row) {

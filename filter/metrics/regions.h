@@ -32,9 +32,9 @@ struct RegionMeans {
 RegionMeans Mse255ByRegion(const ConstColorView& picture, const ConstColorView& reference,
                            const std::vector<Region>& regions, float exposure = 1.0f);
 
-/// The same against a reference that is rendered, of which two independent halves are known: the mean of (picture - A)
-/// (picture - B). The noise of the halves cancels, also where it is clamped or bent by the display curve; a subtracted
-/// variance is right for small noise alone. May be negative.
+/// The same against a reference that is rendered, of which two independent halves are known: the mean of
+/// (picture - A) (picture - B). The noise of the halves cancels, also where it is clamped or bent by the
+/// display curve; a subtracted variance is right for small noise alone. May be negative.
 RegionMeans Mse255ToHalves(const ConstColorView& picture, const ConstColorView& half_a,
                            const ConstColorView& half_b, const std::vector<Region>& regions,
                            float exposure = 1.0f);

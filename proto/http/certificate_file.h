@@ -9,14 +9,15 @@
 
 namespace lumifold::http {
 
-/// A PEM file with key and certificates, which is read again when it changes: they are renewed while the server runs.
+/// A PEM file with key and certificates, which is read again when it changes: they are renewed while the
+/// server runs.
 /// Threads: one at a time.
 class CertificateFile {
  public:
   explicit CertificateFile(std::string path) : path_(std::move(path)) {}
 
-  /// The file's key and certificates; the last ones that could be used where the file cannot, as while it is being
-  /// written; null: there were none.
+  /// The file's key and certificates; the last ones that could be used where the file cannot, as while it is
+  /// being written; null: there were none.
   std::shared_ptr<boost::asio::ssl::context> Read();
 
  private:

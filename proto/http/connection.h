@@ -30,8 +30,8 @@ struct Shared {
   bool is_stopping = false;
 };
 
-/// One connection, from its acceptance to its end. Whatever it waits for holds a reference to it: it is over when it waits for
-/// nothing.
+/// One connection, from its acceptance to its end. Whatever it waits for holds a reference to it: it is over
+/// when it waits for nothing.
 /// Threads: that of input and output. Handlers get references to members that do not change while they run.
 class Connection final : public std::enable_shared_from_this<Connection> {
  public:
@@ -75,8 +75,8 @@ class Connection final : public std::enable_shared_from_this<Connection> {
   void ExtendWriteTime();
   void AfterSending();
 
-  /// Closes when the caller has: closing a socket with bytes in it would take the answer back. When the server stops it does not
-  /// wait for that.
+  /// Closes when the caller has: closing a socket with bytes in it would take the answer back. When the
+  /// server stops it does not wait for that.
   void CloseGently();
   void Discard();
 

@@ -28,14 +28,16 @@ struct Request {
   std::optional<std::string> Parameter(absl::string_view name) const;
 };
 
-/// What a handler answers. The server adds the length and what is about the connection, and leaves the body out for HEAD.
+/// What a handler answers. The server adds the length and what is about the connection, and leaves the body
+/// out for HEAD.
 struct Response {
   int status = 200;
   std::string content_type = {};  // empty: no such header
   std::string body = {};
   Headers headers = {};
-  /// If set, produces the body in place of `body`: pieces until nullopt, the end; an empty piece sends nothing. Called by a
-  /// thread of the handlers, `pause` after the piece before was sent. It is destroyed when the connection ends.
+  /// If set, produces the body in place of `body`: pieces until nullopt, the end; an empty piece sends
+  /// nothing. Called by a thread of the handlers, `pause` after the piece before was sent. It is destroyed
+  /// when the connection ends.
   std::function<std::optional<std::string>()> stream = nullptr;
   absl::Duration pause = absl::ZeroDuration();
 };

@@ -27,8 +27,8 @@ struct Limits {
   absl::Duration idle_time = absl::Seconds(30);
   /// For the caller to take 64 KiB of an answer, or what is left of it.
   absl::Duration write_time = absl::Seconds(10);
-  /// At a time; more wait in the kernel. While some wait, the server closes connections that for `patience` have not completed
-  /// a request: those that are idle, that send slowly, that do not end after an answer.
+  /// At a time; more wait in the kernel. While some wait, the server closes connections that for `patience`
+  /// have not completed a request: those that are idle, that send slowly, that do not end after an answer.
   size_t connections = 256;
   absl::Duration patience = absl::Seconds(1);
   /// Handlers at a time; more wait. Threads start when they are needed.
@@ -36,7 +36,8 @@ struct Limits {
 };
 
 struct ServerOptions {
-  /// Sockets that listen, see sockets::ListenAt. Must outlive the server; connections wait there while there is none.
+  /// Sockets that listen, see sockets::ListenAt. Must outlive the server; connections wait there while there
+  /// is none.
   const std::vector<rpc::FileHandle>* listening = nullptr;
   /// PEM file with key and certificates, read again when it changes; empty: plain text.
   std::string certificate_path = {};
@@ -47,11 +48,11 @@ struct ServerOptions {
   std::function<Response(const Request&)> handler;
 };
 
-/// A server of HTTP/1.0 and 1.1, in plain text or over TLS 1.2 and later, that bounds what each caller costs: one thread does
-/// all input and output, so that no thread waits for a caller.
+/// A server of HTTP/1.0 and 1.1, in plain text or over TLS 1.2 and later, that bounds what each caller costs:
+/// one thread does all input and output, so that no thread waits for a caller.
 ///
-/// It refuses what two readers could understand differently: several lengths or hosts, and bodies without a Content-Length
-/// (chunked requests get 411).
+/// It refuses what two readers could understand differently: several lengths or hosts, and bodies without a
+/// Content-Length (chunked requests get 411).
 /// Threads: safe; it has its own. Inside a worker's sandbox it needs epoll, eventfd, timerfd and accept4.
 class Server {
  public:
@@ -59,8 +60,8 @@ class Server {
   static absl::StatusOr<std::unique_ptr<Server>> Start(ServerOptions options);
   virtual ~Server() = default;
 
-  /// Ends streams and idle connections, waits for the handlers that run, and gives their answers a second to be sent. Later
-  /// calls have no effect.
+  /// Ends streams and idle connections, waits for the handlers that run, and gives their answers a second to
+  /// be sent. Later calls have no effect.
   virtual void Stop() = 0;
 };
 

@@ -36,14 +36,16 @@ struct CertificateFacts {
 /// Errors: kInvalidArgument for what has none.
 absl::StatusOr<CertificateFacts> ReadCertificate(std::string_view pem);
 
-/// The time that validity is compared with: the wall clock, as certificates and tokens name dates. Nothing is measured
-/// with it.
+/// The time that validity is compared with: the wall clock, as certificates and tokens name dates. Nothing is
+/// measured with it.
 absl::Time ValidityClock();
 
-/// Errors: kUnauthenticated naming the holder where the certificate has expired: nobody takes it, not even to renew it.
+/// Errors: kUnauthenticated naming the holder where the certificate has expired: nobody takes it, not even to
+/// renew it.
 absl::Status CheckNotExpired(const CertificateFacts& certificate, absl::Time now);
 
-/// Whether a certificate that is valid from `not_before` to `not_after` should be replaced: two thirds of its life are over.
+/// Whether a certificate that is valid from `not_before` to `not_after` should be replaced: two thirds of its
+/// life are over.
 bool IsDueForRenewal(const CertificateFacts& certificate, absl::Time now);
 
 }  // namespace lumifold::identity

@@ -66,7 +66,8 @@ absl::StatusOr<Answer> AskFirst(const std::string& list,
   return answer;
 }
 
-/// Waits until every coordinator of the list knows a new identity, so that its first call may go to any of them.
+/// Waits until every coordinator of the list knows a new identity, so that its first call may go to any of
+/// them.
 void AwaitOthers(const std::string& list) {
   const absl::StatusOr<std::vector<std::string>> addresses = rpc::ParseEndpoints(list);
   if (addresses.ok() && addresses->size() > 1) absl::SleepFor(kUntilAllKnow);

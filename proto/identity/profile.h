@@ -16,7 +16,8 @@ namespace lumifold::identity {
 /// Name of the profile that is used where none is named.
 inline constexpr char kDefaultProfile[] = "default";
 
-/// How one user or worker of this machine gets into one coordinator, or into those of one farm: they have one authority. A folder of files that only the user can read:
+/// How one user or worker of this machine gets into one coordinator, or into those of one farm: they have one
+/// authority. A folder of files that only the user can read:
 ///
 ///   profile      server, kind and name, one "KEY=VALUE" a line
 ///   ca.pem       the authority that signs the server's certificate
@@ -46,8 +47,8 @@ class Profiles {
   /// Errors: kInvalidArgument naming it.
   static absl::Status CheckName(const std::string& profile);
 
-  /// Errors: kNotFound naming the profile; kInvalidArgument for a malformed one, naming the file and the line;
-  /// kFailedPrecondition for files that others can read. These go for all calls.
+  /// Errors: kNotFound naming the profile; kInvalidArgument for a malformed one, naming the file and the
+  /// line; kFailedPrecondition for files that others can read. These go for all calls.
   absl::StatusOr<Profile> Read(const std::string& profile) const;
   /// Names, sorted. Those that cannot be read are among them.
   std::vector<std::string> List() const;
@@ -58,15 +59,15 @@ class Profiles {
   /// The certificate of a profile that has one. Errors: also kInvalidArgument for a file that has none.
   absl::StatusOr<CertificateFacts> CertificateOf(const std::string& name) const;
 
-  /// The profile to use for a command: `named` if it is not empty; otherwise the default one, if it has the `server`
-  /// or none is given; otherwise the first by name that has it. nullopt where there is none and none was named. A profile
-  /// has a list of servers if one of them is one of its own.
+  /// The profile to use for a command: `named` if it is not empty; otherwise the default one, if it has the
+  /// `server` or none is given; otherwise the first by name that has it. nullopt where there is none and none
+  /// was named. A profile has a list of servers if one of them is one of its own.
   /// Errors: kInvalidArgument where the named profile is of another server.
   absl::StatusOr<std::optional<std::string>> Choose(const std::string& named, const std::string& server,
                                                     Profile::Kind kind) const;
 
-  /// Writes the authority's certificate to a file of its own, for the connection that fetches the secret; returns its
-  /// path. An earlier profile of the name stays as it is until Write, which removes this file.
+  /// Writes the authority's certificate to a file of its own, for the connection that fetches the secret;
+  /// returns its path. An earlier profile of the name stays as it is until Write, which removes this file.
   absl::StatusOr<std::string> WritePendingCa(const std::string& name, std::string_view ca_pem) const;
   /// `secret`: the token, or the text of person.pem or worker.pem.
   absl::Status Write(const std::string& name, const Profile& profile, std::string_view ca_pem,

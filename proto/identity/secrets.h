@@ -18,7 +18,8 @@ absl::StatusOr<std::string> RandomBytes(size_t count);
 /// What a code and a token are made of: letters, digits, "-" and "_" (base64url without padding).
 std::string SecretText(std::string_view bytes);
 
-/// SHA-256 of bytes, as 32 bytes. Secrets of 128 random bits or more need no salt and no slow hash: none can be guessed.
+/// SHA-256 of bytes, as 32 bytes. Secrets of 128 random bits or more need no salt and no slow hash: none can
+/// be guessed.
 std::string HashOf(std::string_view bytes);
 
 /// Bytes of the secret part of a code: 128 bits, for a day.
@@ -36,13 +37,13 @@ std::string TextOfCode(const Code& code);
 /// Errors: kInvalidArgument, which does not show the text.
 absl::StatusOr<Code> ParseCode(std::string_view text);
 
-/// A new token: "lumifold_" and 43 characters that stand for 256 random bits. The first part lets tools find tokens that
-/// were published by mistake.
+/// A new token: "lumifold_" and 43 characters that stand for 256 random bits. The first part lets tools find
+/// tokens that were published by mistake.
 absl::StatusOr<std::string> MakeToken();
 
-/// Makes this process leave no core dump and lets no other process of the user read its memory. For programs that hold
-/// keys or tokens: a core dump is a file that others may read, often sent to a service that collects crashes, and a limit
-/// of the dump's size does not hold for dumps that are piped to such a program.
+/// Makes this process leave no core dump and lets no other process of the user read its memory. For programs
+/// that hold keys or tokens: a core dump is a file that others may read, often sent to a service that
+/// collects crashes, and a limit of the dump's size does not hold for dumps that are piped to such a program.
 void ProtectMemory();
 
 }  // namespace lumifold::identity

@@ -12,8 +12,9 @@ namespace lumifold::logging {
 
 /// How often an event may be logged.
 struct EventLimits {
-  /// Lines of one event in a second, at info and above: errors too, of which the hundredth in a second says nothing new.
-  /// Half of it would drop lines of a worker's connections when a thousand workers join; twice as many cost 3 GB a day.
+  /// Lines of one event in a second, at info and above: errors too, of which the hundredth in a second says
+  /// nothing new. Half of it would drop lines of a worker's connections when a thousand workers join; twice
+  /// as many cost 3 GB a day.
   int lines = 100;
   /// The same for debug, which is switched on to see each unit.
   int debug_lines = 1000;

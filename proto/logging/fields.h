@@ -8,8 +8,9 @@
 
 #include "absl/strings/string_view.h"
 
-/// The form of a line of the log: "event=unit_failed unit="j-1 frame 0" worker=w-7/node error="..."". A value without
-/// quotes ends at the next space; a quoted one has the escapes of C. What is not name=value is free text.
+/// The form of a line of the log: "event=unit_failed unit="j-1 frame 0" worker=w-7/node error="..."". A value
+/// without quotes ends at the next space; a quoted one has the escapes of C. What is not name=value is free
+/// text.
 namespace lumifold::logging {
 
 /// A line, taken apart.
@@ -25,7 +26,8 @@ struct Line {
   std::string_view Get(std::string_view name) const;
 };
 
-/// Takes any bytes apart: a quote that is missing ends with the line, and escapes that are none stay as they are.
+/// Takes any bytes apart: a quote that is missing ends with the line, and escapes that are none stay as they
+/// are.
 Line ParseLine(std::string_view line);
 
 /// The value of `event`, as in ParseLine, of a line that begins with it; otherwise empty.
@@ -34,8 +36,9 @@ std::string_view EventOf(std::string_view line);
 /// Any bytes as a quoted value: ParseLine gives them back.
 std::string Escaped(std::string_view text);
 
-/// Text of others as a quoted value of bounded length, where control characters are spaces (rpc::BoundedLine). What a line
-/// says of names, errors and paths must be Quoted, or it could add fields and lines.
+/// Text of others as a quoted value of bounded length, where control characters are spaces
+/// (rpc::BoundedLine). What a line says of names, errors and paths must be Quoted, or it could add fields and
+/// lines.
 std::string Quoted(absl::string_view text);
 
 /// Text of others as a value without quotes: escaped, and one word.

@@ -49,7 +49,8 @@ class JobLabels {
   std::string worker_ ABSL_GUARDED_BY(mutex_);
 };
 
-/// The job that a line is about, by its field `job`, or `unit`, whose first word is the job; empty if there is none.
+/// The job that a line is about, by its field `job`, or `unit`, whose first word is the job; empty if there
+/// is none.
 struct Line;
 std::string JobOf(const Line& line);
 

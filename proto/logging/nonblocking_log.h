@@ -28,9 +28,10 @@ struct LogOptions {
   size_t max_waiting_bytes = kMaxWaitingLogBytes;
 };
 
-/// A logger whose calls never wait for the reader of its file, which may be a full pipe or a stopped terminal.
-/// A thread of its own writes. Lines over the limit are dropped; when the file takes lines again, one line
-/// "event=log_dropped lines=N" tells how many. At its end it gives the file half a second to take the rest.
+/// A logger whose calls never wait for the reader of its file, which may be a full pipe or a stopped
+/// terminal. A thread of its own writes. Lines over the limit are dropped; when the file takes lines again,
+/// one line "event=log_dropped lines=N" tells how many. At its end it gives the file half a second to take
+/// the rest.
 /// Threads: safe.
 std::shared_ptr<spdlog::logger> MakeNonblockingLogger(const LogOptions& options);
 

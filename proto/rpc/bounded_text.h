@@ -7,14 +7,14 @@
 
 namespace lumifold::rpc {
 
-/// `text` as one line of at most `max_bytes`, at least 64: control characters become spaces, and a longer text
-/// is cut between two characters and ends with the number of bytes that are left out. Text that fits and has no
-/// control characters is unchanged. `text` is UTF-8.
+/// `text` as one line of at most `max_bytes`, at least 64: control characters become spaces, and a longer
+/// text is cut between two characters and ends with the number of bytes that are left out. Text that fits and
+/// has no control characters is unchanged. `text` is UTF-8.
 std::string BoundedLine(std::string_view text, size_t max_bytes);
 
-/// Each of `lines` once, in the order of first occurrence, as BoundedLine. If there are more than `max_lines`,
-/// the last line returned is the number of lines that are left out. Applied to its own result, it changes
-/// nothing.
+/// Each of `lines` once, in the order of first occurrence, as BoundedLine. If there are more than
+/// `max_lines`, the last line returned is the number of lines that are left out. Applied to its own result,
+/// it changes nothing.
 template <typename Lines>
 std::vector<std::string> BoundedLines(const Lines& lines, size_t max_lines, size_t max_bytes);
 

@@ -9,8 +9,8 @@
 
 namespace lumifold::rpc {
 
-/// A file that a program keeps for itself: 4 bytes that name its type and, last, its version, the XXH3-64 of the rest as a little-endian number, and
-/// the content.
+/// A file that a program keeps for itself: 4 bytes that name its type and, last, its version, the XXH3-64 of
+/// the rest as a little-endian number, and the content.
 struct CheckedFileType {
   const char* magic;
   const char* name;  // for errors, "the manifest"
@@ -22,8 +22,8 @@ struct CheckedFileType {
 absl::Status WriteCheckedFile(const std::string& path, const CheckedFileType& type,
                               const std::string& content, FileSystem* files);
 /// The content.
-/// Errors: kNotFound; kDataLoss where it is damaged or of another type or version; kInvalidArgument over the type's size; kUnavailable.
-/// All name the file.
+/// Errors: kNotFound; kDataLoss where it is damaged or of another type or version; kInvalidArgument over the
+/// type's size; kUnavailable. All name the file.
 absl::StatusOr<std::string> ReadCheckedFile(const std::string& path, const CheckedFileType& type);
 
 }  // namespace lumifold::rpc

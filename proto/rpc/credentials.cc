@@ -27,7 +27,8 @@ constexpr absl::Duration kConnectTimeout = absl::Seconds(5);
 
 int Milliseconds(absl::Duration duration) { return static_cast<int>(absl::ToInt64Milliseconds(duration)); }
 
-// How often the certificate files are looked at. A renewed one has a third of its predecessor's life to be noticed.
+// How often the certificate files are looked at. A renewed one has a third of its predecessor's life to be
+// noticed.
 constexpr unsigned kCertificateRefreshSeconds = 2;
 
 std::shared_ptr<grpc::experimental::CertificateProviderInterface> WatchCertificates(

@@ -21,8 +21,8 @@ struct Security {
   bool insecure = false;
   /// PEM file of the authority that signs the other side's certificate. Read again when it changes.
   std::string ca_path;
-  /// PEM file of this side: its private key, its certificate and those above it. In one file, so that a new one replaces
-  /// both at once; read again when it changes. A server has one; a client may.
+  /// PEM file of this side: its private key, its certificate and those above it. In one file, so that a new
+  /// one replaces both at once; read again when it changes. A server has one; a client may.
   std::string certificate_path;
   /// Sent with each call of a client, over TLS only; empty: none.
   std::string token;
@@ -48,30 +48,32 @@ absl::Status ParseHostAndPort(const std::string& address, HostAndPort* result);
 /// address.
 absl::Status CheckListenAddress(const std::string& address, const Security& security);
 
-/// The same for a client of `address`, so that nothing goes to another machine in plain text without being asked for.
+/// The same for a client of `address`, so that nothing goes to another machine in plain text without being
+/// asked for.
 absl::Status CheckServerAddress(const std::string& address, const Security& security);
 
-/// Credentials of a server. With TLS, clients are asked for a certificate, which must be one of the authority, and may
-/// come without one. `processor` sees each call's metadata before any of its messages is parsed; null: none. It is not
-/// used in plain text.
+/// Credentials of a server. With TLS, clients are asked for a certificate, which must be one of the
+/// authority, and may come without one. `processor` sees each call's metadata before any of its messages is
+/// parsed; null: none. It is not used in plain text.
 std::shared_ptr<grpc::ServerCredentials> MakeServerCredentials(
     const Security& security, std::shared_ptr<grpc::AuthMetadataProcessor> processor = nullptr);
 
-/// Credentials of a client or worker. With TLS the server's certificate must be one of the authority and have the name
-/// that the client connects to.
+/// Credentials of a client or worker. With TLS the server's certificate must be one of the authority and have
+/// the name that the client connects to.
 std::shared_ptr<grpc::ChannelCredentials> MakeChannelCredentials(const Security& security);
 
-/// How soon a peer that is silent is taken for dead: after `time` without a byte from it a ping is sent, which it must
-/// answer within `timeout`. Servers allow a `time` of 1 s and more.
+/// How soon a peer that is silent is taken for dead: after `time` without a byte from it a ping is sent,
+/// which it must answer within `timeout`. Servers allow a `time` of 1 s and more.
 struct KeepAlive {
   absl::Duration time = absl::Seconds(20);
   absl::Duration timeout = absl::Seconds(10);
 };
-/// For callers that have another peer to go to: 5 s together. Half of it would take a busy or distant coordinator for dead.
+/// For callers that have another peer to go to: 5 s together. Half of it would take a busy or distant
+/// coordinator for dead.
 inline constexpr KeepAlive kQuickKeepAlive = {.time = absl::Seconds(2), .timeout = absl::Seconds(3)};
 
-/// A channel to HOST:PORT with our limit of message size. It connects on first use, and reconnects by itself with the pauses
-/// of ReconnectSchedule.
+/// A channel to HOST:PORT with our limit of message size. It connects on first use, and reconnects by itself
+/// with the pauses of ReconnectSchedule.
 std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address, const Security& security,
                                            const KeepAlive& keep_alive = {});
 

@@ -34,8 +34,8 @@ struct EncodedPicture {
   std::string bytes;  // the encoded planes one after another
 };
 
-/// The picture with each plane as constant, half, zstd or float32, the first that can hold it. The bytes depend on the
-/// version of zstd.
+/// The picture with each plane as constant, half, zstd or float32, the first that can hold it. The bytes
+/// depend on the version of zstd.
 EncodedPicture EncodePicture(const LayeredImage& image);
 
 /// Checks that a layout is valid and within `limits`: positive size, at least one channel, unique and
@@ -49,12 +49,14 @@ uint64_t EncodedBytesOf(const v1::PixelLayout& layout);
 /// The planes as float32, in the order of LayoutOf.
 std::string BytesFromImage(const LayeredImage& image);
 
-/// The picture with this layout and these encoded planes. Decodes plane by plane: besides the picture, memory holds one.
-/// Errors: kInvalidArgument for an invalid layout, a size that does not fit it, or a plane that cannot be decompressed.
+/// The picture with this layout and these encoded planes. Decodes plane by plane: besides the picture, memory
+/// holds one.
+/// Errors: kInvalidArgument for an invalid layout, a size that does not fit it, or a plane that cannot be
+/// decompressed.
 absl::StatusOr<LayeredImage> ImageFromBytes(const v1::PixelLayout& layout, std::string_view bytes,
                                             const PixelLimits& limits);
-/// The same for a list (LayeredImage::List). Its rows may have one value each; in a picture's planes each would take a
-/// cache line.
+/// The same for a list (LayeredImage::List). Its rows may have one value each; in a picture's planes each
+/// would take a cache line.
 absl::StatusOr<LayeredImage> ListFromBytes(const v1::PixelLayout& layout, std::string_view bytes,
                                            const PixelLimits& limits);
 
@@ -91,8 +93,8 @@ struct ReceivedPicture {
   std::vector<PixelPiece> pieces;
 };
 
-/// Collects the chunks of a picture, in order, and keeps their bytes as they are. Its memory is bounded by the
-/// bytes received, not by the announced size.
+/// Collects the chunks of a picture, in order, and keeps their bytes as they are. Its memory is bounded by
+/// the bytes received, not by the announced size.
 /// Threads: one at a time.
 class PixelAssembler {
  public:

@@ -19,8 +19,8 @@ inline constexpr size_t kMaxObjects = 16384;
 inline constexpr size_t kMaxObjectNameBytes = 255;
 inline constexpr size_t kMaxObjectBytes = size_t{512} << 10;
 
-/// Maximum bytes of an error text, of a unit, of a job, or of a call. gRPC sends it in trailers of at most 8 KiB,
-/// in which a byte may take three.
+/// Maximum bytes of an error text, of a unit, of a job, or of a call. gRPC sends it in trailers of at most 8
+/// KiB, in which a byte may take three.
 inline constexpr size_t kMaxErrorBytes = 2048;
 
 /// Maximum number of lines of a worker's log in one message, and bytes of one.

@@ -10,8 +10,8 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "values are sent in the byte order of memory");
 
-// binary16: 1 bit of sign, 5 of exponent with bias 15, 10 of mantissa; binary32: 1, 8 with bias 127, 23. Only integers
-// are used, because a thread may treat denormals as zero.
+// binary16: 1 bit of sign, 5 of exponent with bias 15, 10 of mantissa; binary32: 1, 8 with bias 127, 23. Only
+// integers are used, because a thread may treat denormals as zero.
 constexpr uint32_t kSign = 0x80000000;
 constexpr int kDroppedBits = 23 - 10;
 constexpr uint32_t kBiases = uint32_t{127 - 15} << 23;

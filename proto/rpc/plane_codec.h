@@ -10,7 +10,8 @@
 
 namespace lumifold::rpc {
 
-// Constant, half and float, in which each row can be read by itself. plane_compression.h has the fourth encoding.
+// Constant, half and float, in which each row can be read by itself. plane_compression.h has the fourth
+// encoding.
 
 /// The first of constant, half and float that keeps every bit of the plane. It depends on the values alone.
 v1::PlaneEncoding EncodingOf(ConstFloatView plane);
@@ -24,7 +25,8 @@ void AppendPlane(ConstFloatView plane, v1::PlaneEncoding encoding, std::string* 
 /// Decodes `count` values from their EncodedBytes.
 void DecodeValues(v1::PlaneEncoding encoding, std::string_view bytes, float* values, size_t count);
 
-/// Replaces each value by the nearest that PLANE_ENCODING_HALF can hold; NaN by 0. Values beyond its range become the largest.
+/// Replaces each value by the nearest that PLANE_ENCODING_HALF can hold; NaN by 0. Values beyond its range
+/// become the largest.
 void RoundToHalf(FloatView plane);
 
 /// Where a plane of an encoded picture is.

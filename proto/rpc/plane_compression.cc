@@ -12,7 +12,8 @@
 namespace lumifold::rpc {
 namespace {
 
-/// Level of zstd. On units of the meeting room level 3 saves 1 % of the bytes more and takes a quarter more time.
+/// Level of zstd. On units of the meeting room level 3 saves 1 % of the bytes more and takes a quarter more
+/// time.
 constexpr int kLevel = 1;
 
 /// Pointers to the byte planes of `count` values.
@@ -54,8 +55,8 @@ void Unsort(const std::vector<char>& sorted, FloatView plane) {
   }
 }
 
-/// Whether the bytes are one frame of the present format and nothing else: neither a frame that is skipped, nor one of the
-/// formats before zstd 0.8, whose decoders Debian's library still has.
+/// Whether the bytes are one frame of the present format and nothing else: neither a frame that is skipped,
+/// nor one of the formats before zstd 0.8, whose decoders Debian's library still has.
 bool IsOneFrame(std::string_view bytes) {
   constexpr size_t kMagicBytes = 4;
   if (bytes.size() < kMagicBytes) return false;

@@ -12,17 +12,17 @@
 struct ZSTD_CCtx_s;
 struct ZSTD_DCtx_s;
 
-/// PLANE_ENCODING_ZSTD: the bytes of a plane's float32 values, sorted into byte planes (byte 0 of all values, then bytes
-/// 1, 2 and 3), as one zstd frame. Signs and exponents of neighbouring pixels are alike, the low bytes of the mantissas are
-/// noise: sorted, the former compress.
+/// PLANE_ENCODING_ZSTD: the bytes of a plane's float32 values, sorted into byte planes (byte 0 of all values,
+/// then bytes 1, 2 and 3), as one zstd frame. Signs and exponents of neighbouring pixels are alike, the low
+/// bytes of the mantissas are noise: sorted, the former compress.
 namespace lumifold::rpc {
 
 /// Compresses planes. The bytes depend on the version of zstd; what they decode to does not.
 /// Threads: one at a time.
 class PlaneCompressor {
  public:
-  /// Appends the compressed plane to `bytes` if it is smaller than float32. Returns its size; 0 where it is not, and then
-  /// nothing is appended.
+  /// Appends the compressed plane to `bytes` if it is smaller than float32. Returns its size; 0 where it is
+  /// not, and then nothing is appended.
   uint32_t Append(ConstFloatView plane, std::string* bytes);
 
  private:
@@ -38,7 +38,8 @@ class PlaneCompressor {
 class PlaneDecompressor {
  public:
   /// Decodes a plane.
-  /// Errors: kInvalidArgument where `bytes` are not one zstd frame of as many values; the plane is then undefined.
+  /// Errors: kInvalidArgument where `bytes` are not one zstd frame of as many values; the plane is then
+  /// undefined.
   absl::Status Decode(std::string_view bytes, FloatView plane);
 
  private:

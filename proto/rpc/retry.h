@@ -42,12 +42,13 @@ struct RetryEnvironment {
 /// True for transient errors: kUnavailable, kAborted, kDeadlineExceeded.
 bool IsTransient(const absl::Status& status);
 
-/// Repeats `call` until it succeeds, fails with an error that is not transient, or the policy's limits are reached; returns
-/// its last status. `call` sets its own deadlines: policy.try_timeout is not used.
+/// Repeats `call` until it succeeds, fails with an error that is not transient, or the policy's limits are
+/// reached; returns its last status. `call` sets its own deadlines: policy.try_timeout is not used.
 absl::Status Retry(const RetryPolicy& policy, const RetryEnvironment& environment,
                    absl::FunctionRef<absl::Status()> call);
 
-/// Retry of a call that gets a new context with its own deadline for each try. A call that is not idempotent is made once.
+/// Retry of a call that gets a new context with its own deadline for each try. A call that is not idempotent
+/// is made once.
 absl::Status CallWithRetry(const RetryPolicy& policy, Idempotency idempotency,
                            const RetryEnvironment& environment,
                            absl::FunctionRef<absl::Status(grpc::ClientContext&)> call);

@@ -15,8 +15,8 @@
 namespace lumifold::sandbox {
 namespace {
 
-// Debian's headers are older than the kernels on which this may run, so what came after version 2 is defined here, as
-// in the kernel's include/uapi/linux/landlock.h.
+// Debian's headers are older than the kernels on which this may run, so what came after version 2 is defined
+// here, as in the kernel's include/uapi/linux/landlock.h.
 constexpr uint64_t kRefer = uint64_t{1} << 13;     // version 2
 constexpr uint64_t kTruncate = uint64_t{1} << 14;  // version 3
 constexpr uint64_t kIoctlDev = uint64_t{1} << 15;  // version 5

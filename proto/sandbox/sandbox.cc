@@ -41,8 +41,9 @@ bool is_sandboxed = false;  // LeakSanitizer asks for it
 constexpr bool kReservesAddresses = false;
 #endif
 
-/// Folders of the system that a sandboxed process reads: libraries that are loaded late, certificates, name resolution
-/// (/etc/resolv.conf is often a link into /run), what TBB asks about processors and limits of memory.
+/// Folders of the system that a sandboxed process reads: libraries that are loaded late, certificates, name
+/// resolution (/etc/resolv.conf is often a link into /run), what TBB asks about processors and limits of
+/// memory.
 constexpr const char* kSystemFolders[] = {
     "/usr",
     "/lib",
@@ -66,8 +67,9 @@ constexpr const char* kSystemFolders[] = {
     "/dev/zero",
 };
 
-/// Of /etc, for a process that stays root and could read its secrets. A rule for a file holds for that file, not for
-/// another that later replaces it, so others get the whole folder: their user may not read what is secret.
+/// Of /etc, for a process that stays root and could read its secrets. A rule for a file holds for that file,
+/// not for another that later replaces it, so others get the whole folder: their user may not read what is
+/// secret.
 constexpr const char* kFilesOfEtc[] = {
     "/etc/resolv.conf", "/etc/hosts",     "/etc/host.conf", "/etc/nsswitch.conf", "/etc/gai.conf",
     "/etc/services",    "/etc/protocols", "/etc/localtime", "/etc/ssl",           "/etc/ca-certificates",
@@ -231,8 +233,8 @@ uint64_t DefaultMemoryBytes(int threads) {
   const auto pages = static_cast<uint64_t>(std::max(0L, sysconf(_SC_PHYS_PAGES)));
   const uint64_t machine = pages * static_cast<uint64_t>(sysconf(_SC_PAGESIZE));
   const uint64_t usable = std::min(machine, MemoryOfControlGroup().value_or(machine));
-  // Stack and heap of a thread in glibc are 8 and 64 MiB of addresses, twice the heap while it is aligned. gRPC, TBB and
-  // the log have threads of their own.
+  // Stack and heap of a thread in glibc are 8 and 64 MiB of addresses, twice the heap while it is aligned.
+  // gRPC, TBB and the log have threads of their own.
   constexpr uint64_t kPerThread = uint64_t{160} << 20;
   constexpr uint64_t kOtherThreads = 32;
   return usable + (static_cast<uint64_t>(threads) + kOtherThreads) * kPerThread;

@@ -13,14 +13,16 @@ namespace lumifold::sandbox {
 struct SandboxOptions {
   /// User to become if the process is root; empty: stay. Capabilities are dropped in any case.
   std::string user = {};
-  /// Keep the capability to open files of other users; for a process that stays root and works in their folder.
+  /// Keep the capability to open files of other users; for a process that stays root and works in their
+  /// folder.
   bool keep_file_access = false;
   /// Limit of the address space in bytes. Not set under AddressSanitizer, which reserves terabytes.
   uint64_t memory_bytes = 0;
   uint64_t open_files = 0;
   uint64_t file_bytes = 0;
-  /// Files and folders that may be read, besides those of the system (libraries, name resolution, certificates); of
-  /// `writable` folders files may also be written, made, renamed and removed. Those that do not exist are left out.
+  /// Files and folders that may be read, besides those of the system (libraries, name resolution,
+  /// certificates); of `writable` folders files may also be written, made, renamed and removed. Those that do
+  /// not exist are left out.
   std::vector<std::string> readable = {};
   std::vector<std::string> writable = {};
   /// False: no sockets at all. True: as a client only, never listening.
@@ -37,21 +39,22 @@ struct SandboxReport {
   std::vector<std::string> lacking;  // with the reason, mostly an old kernel
 };
 
-/// Puts this process into a sandbox that it cannot leave: limits of resources, no core dumps, another user, no
-/// capabilities, no new privileges, files and ports by Landlock, and a seccomp filter against system calls that a
-/// renderer never needs: new programs and processes, tracing, mounts, namespaces, kernel modules, listening sockets,
-/// signals to others. A sandbox that the kernel lacks is reported, not an error.
-/// Errors: kFailedPrecondition if the process has more than one thread, since a sandbox holds only for threads that start
-/// later; kNotFound for an unknown user; kPermissionDenied and others of the system, naming the step. After an error
-/// the process may be partly sandboxed: end it.
+/// Puts this process into a sandbox that it cannot leave: limits of resources, no core dumps, another user,
+/// no capabilities, no new privileges, files and ports by Landlock, and a seccomp filter against system calls
+/// that a renderer never needs: new programs and processes, tracing, mounts, namespaces, kernel modules,
+/// listening sockets, signals to others. A sandbox that the kernel lacks is reported, not an error.
+/// Errors: kFailedPrecondition if the process has more than one thread, since a sandbox holds only for
+/// threads that start later; kNotFound for an unknown user; kPermissionDenied and others of the system,
+/// naming the step. After an error the process may be partly sandboxed: end it.
 absl::StatusOr<SandboxReport> EnterSandbox(const SandboxOptions& options);
 
-/// Address space for a renderer with so many threads: the memory of this machine or of its control group, whichever is
-/// less, and what threads reserve without using it. A scene that needs more fails to load, instead of making the
-/// machine swap.
+/// Address space for a renderer with so many threads: the memory of this machine or of its control group,
+/// whichever is less, and what threads reserve without using it. A scene that needs more fails to load,
+/// instead of making the machine swap.
 uint64_t DefaultMemoryBytes(int threads);
 
-/// Raises the niceness of this process to `niceness`, where it is lower. For threads that start later, and this one.
+/// Raises the niceness of this process to `niceness`, where it is lower. For threads that start later, and
+/// this one.
 /// Errors: of the system.
 absl::Status YieldToOthers(int niceness);
 

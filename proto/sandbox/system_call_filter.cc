@@ -19,7 +19,8 @@
 namespace lumifold::sandbox {
 namespace {
 
-/// Calls that are refused whatever their arguments. The library leaves out those that a processor does not have.
+/// Calls that are refused whatever their arguments. The library leaves out those that a processor does not
+/// have.
 constexpr int kRefused[] = {
     // New programs and other processes.
     SCMP_SYS(execve),
@@ -167,8 +168,8 @@ void AddSocketRules(const SocketRules& sockets, Filter* filter) {
 absl::Status FilterSystemCalls(const SocketRules& sockets) {
   Filter filter;
   for (const int call : kRefused) filter.Refuse(call, EPERM);
-  // Threads, but no processes. The flags of clone3 are in memory, where a filter cannot look: without it the C library
-  // uses clone.
+  // Threads, but no processes. The flags of clone3 are in memory, where a filter cannot look: without it the
+  // C library uses clone.
   filter.Refuse(SCMP_SYS(clone3), ENOSYS);
   filter.Refuse(SCMP_SYS(clone), EPERM, Is(0, 0, CLONE_THREAD));
   const auto self = static_cast<uint64_t>(getpid());

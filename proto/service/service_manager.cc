@@ -22,7 +22,8 @@ std::string Variable(const char* name) {
   return value == nullptr ? "" : value;
 }
 
-/// A socket connected to the manager's; of no file where there is none. A name that begins with '@' is an abstract one.
+/// A socket connected to the manager's; of no file where there is none. A name that begins with '@' is an
+/// abstract one.
 rpc::FileHandle Connect(std::string name) {
   sockaddr_un address = {};
   if (name.empty() || name.size() >= sizeof(address.sun_path)) return {};

@@ -14,8 +14,8 @@ struct ListeningSockets {
   int port = 0;                          // of all
 };
 
-/// Listens at each address of this machine that HOST:PORT names; "[::]" takes IPv4 as well. With port 0 the first
-/// address gets a free port, and the others the same one.
+/// Listens at each address of this machine that HOST:PORT names; "[::]" takes IPv4 as well. With port 0 the
+/// first address gets a free port, and the others the same one.
 /// Errors: kUnavailable naming the address.
 absl::StatusOr<ListeningSockets> ListenAt(const std::string& address);
 

@@ -7,8 +7,8 @@
 
 namespace lumifold::threads {
 
-/// An event that threads wait for. Like absl::Notification, but it waits by the monotonic clock: timed waits of absl end
-/// by the wall clock, which may be set back.
+/// An event that threads wait for. Like absl::Notification, but it waits by the monotonic clock: timed waits
+/// of absl end by the wall clock, which may be set back.
 /// Threads: safe.
 class Event {
  public:
@@ -21,7 +21,8 @@ class Event {
   bool HasBeenNotified() const { return WaitFor(absl::ZeroDuration()); }
   /// Waits at most `timeout`, up to an hour. Whether the event has happened.
   bool WaitFor(absl::Duration timeout) const;
-  /// The same for the one thread that acts on an event that happens again and again: it has not happened afterwards.
+  /// The same for the one thread that acts on an event that happens again and again: it has not happened
+  /// afterwards.
   bool Consume(absl::Duration timeout);
 
  private:

@@ -15,8 +15,8 @@ class TaskThread {
  public:
   enum class Priority {
     kNormal,
-    /// Lowest for processor and disk. For tasks that take no lock that others need, such as the deletion of large
-    /// files: while it has one, others would wait for the lowest priority too.
+    /// Lowest for processor and disk. For tasks that take no lock that others need, such as the deletion of
+    /// large files: while it has one, others would wait for the lowest priority too.
     kLowest,
   };
 

@@ -77,7 +77,8 @@ absl::Status MakeAccessFolder(const AccessOptions& options, const std::vector<st
                      " exists: this coordinator has been set up before. More people and workers are "
                      "invited with 'lumifold invite'"));
   }
-  // In a folder of another name, so that an attempt that was interrupted leaves a coordinator that is not set up.
+  // In a folder of another name, so that an attempt that was interrupted leaves a coordinator that is not set
+  // up.
   const std::string partial = absl::StrCat(options.folder, ".", getpid(), ".partial");
   absl::Status status = identity::MakePrivateFolder(partial);
   if (status.ok()) status = FillAccessFolder(options, partial, HostsOfServer(names));
@@ -148,7 +149,8 @@ absl::Status AccessControl::ReadChanges() {
 void AccessControl::Refresh() {
   const absl::Status read = ReadChanges();
   {
-    // What is known stays valid while the store is away: without it nothing is revoked, and nobody gets in either.
+    // What is known stays valid while the store is away: without it nothing is revoked, and nobody gets in
+    // either.
     absl::MutexLock lock(&mutex_);
     if (!read.ok() && !is_store_lost_)
       options_.log->error("event=access_store_lost error={}", logging::Quoted(read.message()));

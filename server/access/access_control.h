@@ -53,9 +53,9 @@ bool HasAccessFolder(const std::string& folder);
 /// Errors: kAlreadyExists where the folder exists; kInvalidArgument for a host; those of files and store.
 absl::Status MakeAccessFolder(const AccessOptions& options, const std::vector<std::string>& hosts);
 
-/// Access control of a running coordinator. Every second it learns what was made and revoked, also by others over the same
-/// store, ends the calls of those who have lost their identity, and renews the server's certificate when two thirds of its
-/// life are over. gRPC reads the new file.
+/// Access control of a running coordinator. Every second it learns what was made and revoked, also by others
+/// over the same store, ends the calls of those who have lost their identity, and renews the server's
+/// certificate when two thirds of its life are over. gRPC reads the new file.
 /// Threads: safe.
 class AccessControl {
  public:
@@ -95,8 +95,8 @@ class AccessControl {
         known_(authority_->SecretFor("calls that coordinators forward")) {}
   absl::Status RenewServerCertificate();
   absl::Status ReadChanges();
-  /// Signs the key of a request for `holder`, whose kind, name, scopes and token_lifetime count. Returns what the store
-  /// keeps of the certificate, and the certificate.
+  /// Signs the key of a request for `holder`, whose kind, name, scopes and token_lifetime count. Returns what
+  /// the store keeps of the certificate, and the certificate.
   struct SignedKey {
     NewCredential credential;
     std::string pem;

@@ -102,7 +102,8 @@ absl::Status CreateTables(SqlConnection& db) {
 }
 
 absl::StatusOr<std::unique_ptr<SqlConnection>> OpenSqlite(const std::string& path) {
-  // SQLite would create it with the rights of the umask. Its log and its shared memory get the rights of the database.
+  // SQLite would create it with the rights of the umask. Its log and its shared memory get the rights of the
+  // database.
   const int file = open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600);
   if (file < 0)
     return absl::UnavailableError(absl::StrCat(path, ": ", std::system_category().message(errno)));

@@ -12,7 +12,8 @@
 
 namespace lumifold::access {
 
-/// One line of the audit log. It has no secret: neither codes nor tokens are part of a call's name or its error.
+/// One line of the audit log. It has no secret: neither codes nor tokens are part of a call's name or its
+/// error.
 struct AuditEvent {
   Identity caller;
   /// "ipv4:192.0.2.1:50000"; empty where it is not known: of a call that was refused before it began.
@@ -28,15 +29,16 @@ struct AuditEvent {
 
 struct AuditLogOptions {
   std::string path;
-  /// A file that reaches this size becomes PATH.1, and the one before it PATH.2, up to PATH.`kept_files`; the last one
-  /// is deleted.
+  /// A file that reaches this size becomes PATH.1, and the one before it PATH.2, up to PATH.`kept_files`; the
+  /// last one is deleted.
   uint64_t max_file_bytes = uint64_t{64} << 20;
   int kept_files = 8;
   /// Bytes that wait for the disk. Further lines are dropped and counted in a line of their own.
   size_t max_waiting_bytes = size_t{4} << 20;
 };
 
-/// The append-only record of who did what. A thread of its own writes it, so that a disk that hangs delays no call.
+/// The append-only record of who did what. A thread of its own writes it, so that a disk that hangs delays no
+/// call.
 /// Threads: safe.
 class AuditLog {
  public:

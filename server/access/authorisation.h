@@ -39,7 +39,8 @@ struct Rule {
   std::array<Access, kRoles.size()> access;
   /// The call changes something, so that it is in the audit log.
   bool changes = false;
-  /// Nothing of the call is parsed before the service asks who calls: the service refuses it, and knows the address.
+  /// Nothing of the call is parsed before the service asks who calls: the service refuses it, and knows the
+  /// address.
   bool checked_by_service = false;
 };
 

@@ -29,8 +29,8 @@ using identity::OpensslError;
 using identity::OpensslPtr;
 
 constexpr absl::Duration kAuthorityLifetime = absl::Hours(24 * 3652);
-/// Clocks of machines differ: a certificate is valid from this long before it is made, but not from so long before that the
-/// time of its renewal, which counts from there, changes much.
+/// Clocks of machines differ: a certificate is valid from this long before it is made, but not from so long
+/// before that the time of its renewal, which counts from there, changes much.
 absl::Duration ClockSkew(absl::Duration lifetime) { return std::min(absl::Minutes(5), lifetime / 20); }
 
 constexpr size_t kSerialBytes = 16;

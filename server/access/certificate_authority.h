@@ -12,14 +12,15 @@
 
 namespace lumifold::access {
 
-/// What the certificate of a worker or a person says of it, besides its common name: "lumifold:worker:NAME" or
-/// "lumifold:person:NAME", and "lumifold:serial:SERIAL", so that a call need not parse a certificate to know whose it is.
+/// What the certificate of a worker or a person says of it, besides its common name: "lumifold:worker:NAME"
+/// or "lumifold:person:NAME", and "lumifold:serial:SERIAL", so that a call need not parse a certificate to
+/// know whose it is.
 inline constexpr char kWorkerUri[] = "lumifold:worker:";
 inline constexpr char kPersonUri[] = "lumifold:person:";
 inline constexpr char kSerialUri[] = "lumifold:serial:";
 
-/// Signs certificates of workers, people and coordinators with a P-256 key. The key is in the folder of access control; it
-/// never leaves it.
+/// Signs certificates of workers, people and coordinators with a P-256 key. The key is in the folder of
+/// access control; it never leaves it.
 /// Threads: safe.
 class CertificateAuthority {
  public:
@@ -37,8 +38,8 @@ class CertificateAuthority {
   /// Secret bytes that only those know who have the key of the authority; another text for each `purpose`.
   virtual std::string SecretFor(std::string_view purpose) const = 0;
 
-  /// A certificate for servers of these names (DNS names and IP addresses) with a new key. Returns the key, the
-  /// certificate and the authority's, as one PEM text.
+  /// A certificate for servers of these names (DNS names and IP addresses) with a new key. Returns the key,
+  /// the certificate and the authority's, as one PEM text.
   /// Errors: kInvalidArgument naming the host.
   virtual absl::StatusOr<std::string> SignServer(const std::vector<std::string>& hosts, absl::Time now,
                                                  absl::Duration lifetime) const = 0;
@@ -49,8 +50,8 @@ class CertificateAuthority {
     std::string sha256;
     absl::Time expires;
   };
-  /// A certificate for a worker or a person, for connections as a client only. Of the request only the key counts, which
-  /// must be P-256 and have signed it.
+  /// A certificate for a worker or a person, for connections as a client only. Of the request only the key
+  /// counts, which must be P-256 and have signed it.
   /// Errors: kInvalidArgument for what is no such request.
   virtual absl::StatusOr<ClientCertificate> SignClient(IdentityKind kind, const std::string& name,
                                                        std::string_view request_pem, absl::Time now,

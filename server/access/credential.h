@@ -22,8 +22,9 @@ struct Credential {
   IdentityKind kind = IdentityKind::kPerson;
   std::string name;
   std::set<Scope> scopes;
-  /// Of an invite for a person: lifetime of the token, or of all certificates; of a person's certificate: what was left of
-  /// that when it was made. Zero: the usual lifetime of a token, and certificates without end.
+  /// Of an invite for a person: lifetime of the token, or of all certificates; of a person's certificate:
+  /// what was left of that when it was made. Zero: the usual lifetime of a token, and certificates without
+  /// end.
   absl::Duration token_lifetime;
   absl::Time created;
   absl::Time expires;
@@ -34,7 +35,8 @@ struct Credential {
   Identity identity() const { return {.kind = kind, .name = name, .scopes = scopes, .id = id}; }
 };
 
-/// 1 to 64 letters, digits and ". _ - @ :", a letter or digit first: a name is part of certificates, files and logs.
+/// 1 to 64 letters, digits and ". _ - @ :", a letter or digit first: a name is part of certificates, files
+/// and logs.
 /// Errors: kInvalidArgument.
 absl::Status CheckCredentialName(const std::string& name);
 

@@ -18,8 +18,8 @@ absl::Status NotSealed() {
 
 }  // namespace
 
-// A seal is the time in milliseconds, the credential and the code in hexadecimal, with dots between them. A credential
-// may have any characters.
+// A seal is the time in milliseconds, the credential and the code in hexadecimal, with dots between them. A
+// credential may have any characters.
 
 std::string ForwardSeal::Make(absl::string_view credential, absl::Time wall_now) const {
   const std::string text = absl::StrCat(absl::ToUnixMillis(wall_now), ".", credential);

@@ -8,12 +8,13 @@
 
 namespace lumifold::access {
 
-/// Metadata of a call that a coordinator forwards to another one of its farm, in the name of its caller: a seal, or any text in
-/// plain text. A call that has it is not forwarded again.
+/// Metadata of a call that a coordinator forwards to another one of its farm, in the name of its caller: a
+/// seal, or any text in plain text. A call that has it is not forwarded again.
 inline constexpr char kForwardedKey[] = "lumifold-forwarded-for";
 
-/// Proves that a coordinator of the same authority has let a caller in: an HMAC-SHA256 over the caller's credential and the
-/// time, with a key that only those have who have the authority's own. It is sent over TLS only.
+/// Proves that a coordinator of the same authority has let a caller in: an HMAC-SHA256 over the caller's
+/// credential and the time, with a key that only those have who have the authority's own. It is sent over TLS
+/// only.
 /// Threads: safe.
 class ForwardSeal {
  public:

@@ -39,15 +39,15 @@ Identity LocalIdentity();
 /// What one caller has with all its tokens or certificates: "person/ann", "worker/node-7", "local/local".
 std::string KeyOf(const Identity& caller);
 
-/// Tells who makes a call. The answer cannot be a property of grpc::AuthContext: that belongs to the connection, over
-/// which calls with different tokens may come at the same time.
+/// Tells who makes a call. The answer cannot be a property of grpc::AuthContext: that belongs to the
+/// connection, over which calls with different tokens may come at the same time.
 /// Threads: safe.
 class Callers {
  public:
   virtual ~Callers() = default;
 
-  /// Errors: kUnauthenticated where the caller's token or certificate is missing, has expired or was revoked, also since
-  /// the call began.
+  /// Errors: kUnauthenticated where the caller's token or certificate is missing, has expired or was revoked,
+  /// also since the call began.
   virtual absl::StatusOr<Identity> Of(const grpc::CallbackServerContext& context) const = 0;
 };
 

@@ -45,7 +45,8 @@ absl::StatusOr<Credential> KnownCredentials::OfToken(std::string_view token, abs
     return absl::UnauthenticatedError("the token is not valid");
   const std::string sha256 = identity::HashOf(token);
   absl::MutexLock lock(&mutex_);
-  // The search compares hashes, of which an attacker cannot choose the bytes: how long it takes tells nothing.
+  // The search compares hashes, of which an attacker cannot choose the bytes: how long it takes tells
+  // nothing.
   const auto id = id_of_token_.find(sha256);
   if (id == id_of_token_.end()) return absl::UnauthenticatedError("the token is not valid");
   const Credential& found = by_id_.at(id->second);

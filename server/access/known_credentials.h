@@ -18,10 +18,10 @@
 
 namespace lumifold::access {
 
-/// The tokens and certificates of the access store in memory: a call is checked without the database, which an attacker's
-/// guesses never reach.
-/// Errors of all calls: kUnauthenticated for what is unknown or revoked; kUnavailable for a certificate that has expired,
-/// as its owner has a newer one and need only connect again.
+/// The tokens and certificates of the access store in memory: a call is checked without the database, which
+/// an attacker's guesses never reach.
+/// Errors of all calls: kUnauthenticated for what is unknown or revoked; kUnavailable for a certificate that
+/// has expired, as its owner has a newer one and need only connect again.
 /// Threads: safe.
 class KnownCredentials {
  public:

@@ -15,15 +15,15 @@
 
 namespace lumifold::access {
 
-/// Calls that run for long, so that they end when their caller's token or certificate is revoked or expires, or when their
-/// other end does nothing.
+/// Calls that run for long, so that they end when their caller's token or certificate is revoked or expires,
+/// or when their other end does nothing.
 /// Threads: safe.
 class OpenCalls {
  public:
   using End = std::function<void(const absl::Status& why)>;
 
-  /// Registers a call. `end` is called at most once, from another thread, between Add and the end of Remove. It may call
-  /// Remove.
+  /// Registers a call. `end` is called at most once, from another thread, between Add and the end of Remove.
+  /// It may call Remove.
   uint64_t Add(const Identity& caller, End end);
   /// Replaces what ends a call that has not been ended.
   void SetEnd(uint64_t call, End end);
@@ -32,8 +32,8 @@ class OpenCalls {
   /// Forgets a call, and waits for its `end` if that runs on another thread.
   void Remove(uint64_t call);
 
-  /// Ends the calls whose caller `check` returns an error for, with that error. `check` must not use this object.
-  /// Returns how many.
+  /// Ends the calls whose caller `check` returns an error for, with that error. `check` must not use this
+  /// object. Returns how many.
   size_t EndUnless(absl::FunctionRef<absl::Status(const Identity& caller)> check);
 
   /// Ends the calls whose deadline is over at `now`, with `why`. Returns how many.

@@ -12,7 +12,8 @@
 
 namespace lumifold::access {
 
-/// Bounds how often each caller does something: a bucket for each holds up to `burst` tokens and gains `per_second`.
+/// Bounds how often each caller does something: a bucket for each holds up to `burst` tokens and gains
+/// `per_second`.
 /// Memory: only callers whose bucket is not full have an entry.
 /// Threads: safe.
 class TokenBuckets {

@@ -3,8 +3,8 @@
 namespace lumifold::server {
 namespace {
 
-/// Assets that are read at a time. With fewer, a few large ones delay the small ones behind them; more compete for
-/// the disk.
+/// Assets that are read at a time. With fewer, a few large ones delay the small ones behind them; more
+/// compete for the disk.
 constexpr int kCheckThreads = 4;
 
 absl::Status Stopping() { return absl::UnavailableError("the coordinator is stopping"); }
@@ -37,7 +37,7 @@ void AssetChecks::Check(const std::set<std::string>& sha256, Done done) {
 }
 
 void AssetChecks::Recheck(const std::string& sha256, Done done) {
-  assets_->Doubt(sha256);
+  assets_->Invalidate(sha256);
   Check({sha256}, std::move(done));
 }
 

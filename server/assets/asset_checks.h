@@ -17,8 +17,9 @@
 
 namespace lumifold::server {
 
-/// Reads assets that have not been checked since the start (see AssetStore) on threads of its own, the smallest first,
-/// so that the check of a large one, which takes about 0.6 s for each GB, delays no call that does not need it.
+/// Reads assets that have not been checked since the start (see AssetStore) on threads of its own, the
+/// smallest first, so that the check of a large one, which takes about 0.6 s for each GB, delays no call that
+/// does not need it.
 /// Threads: safe.
 class AssetChecks {
  public:
@@ -30,8 +31,8 @@ class AssetChecks {
   /// Calls Stop.
   ~AssetChecks();
 
-  /// Calls `done` once AssetStore::Has answers for all of these without reading a file: at once if it already does,
-  /// otherwise from another thread. Text that is not a SHA-256 needs no check.
+  /// Calls `done` once AssetStore::Has answers for all of these without reading a file: at once if it already
+  /// does, otherwise from another thread. Text that is not a SHA-256 needs no check.
   void Check(const std::set<std::string>& sha256, Done done);
   /// The same for an asset whose content is in doubt: it is read again.
   void Recheck(const std::string& sha256, Done done);

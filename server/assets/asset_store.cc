@@ -52,8 +52,8 @@ std::string FullNameOf(const v1::AssetRef& asset) {
   return absl::StrCat("asset '", asset.uri(), "' (", asset.sha256(), ")");
 }
 
-// Removes kept uploads that are too old or too many. Errors are ignored, here and below: such an upload starts
-// over.
+// Removes kept uploads that are too old or too many. Errors are ignored, here and below: such an upload
+// starts over.
 void RemoveOldUploadsIn(const std::string& folder) {
   std::error_code error;
   std::vector<std::pair<fs::file_time_type, fs::path>> kept;
@@ -230,7 +230,7 @@ bool AssetStore::NeedsCheck(const std::string& sha256) {
   return state == states_.end() || state->second == State::kBeingChecked;
 }
 
-void AssetStore::Doubt(const std::string& sha256) {
+void AssetStore::Invalidate(const std::string& sha256) {
   absl::MutexLock lock(&mutex_);
   const auto state = states_.find(sha256);
   if (state != states_.end() && state->second == State::kIntact) states_.erase(state);
@@ -317,7 +317,8 @@ absl::StatusOr<rpc::ByteSender> AssetStore::Open(const std::string& sha256, uint
 }
 
 void AssetStore::RecordUse(const std::string& sha256) {
-  // The time of the file, which outlives the coordinator. An asset whose time cannot be set is at worst sent again.
+  // The time of the file, which outlives the coordinator. An asset whose time cannot be set is at worst sent
+  // again.
   if (IsOlder(PathOf(sha256), kUseInterval)) utimensat(AT_FDCWD, PathOf(sha256).c_str(), nullptr, 0);
 }
 

@@ -35,8 +35,8 @@ namespace lumifold::server {
 inline constexpr absl::Duration kKeptUploadAge = absl::Hours(24);
 inline constexpr size_t kMaxKeptUploads = 64;
 
-/// An upload at another coordinator may be running while its file was written less than this ago; it ends when nothing comes
-/// for a shorter time.
+/// An upload at another coordinator may be running while its file was written less than this ago; it ends
+/// when nothing comes for a shorter time.
 inline constexpr absl::Duration kRunningUploadAge = absl::Minutes(10);
 
 /// An asset that no job refers to is removed when it was not used for this long.
@@ -63,9 +63,9 @@ class AssetUpload {
 
   /// Adds the next piece. The first may begin where an earlier upload of the asset broke (see
   /// AssetStore::ReceivedBytes).
-  /// Errors: as ByteReceiver::Add; kDataLoss where the size is not the announced one; kAborted where the bytes
-  /// before the first piece are no longer kept; kResourceExhausted where there is no room for the bytes that are to
-  /// come.
+  /// Errors: as ByteReceiver::Add; kDataLoss where the size is not the announced one; kAborted where the
+  /// bytes before the first piece are no longer kept; kResourceExhausted where there is no room for the bytes
+  /// that are to come.
   absl::Status Add(const v1::ByteChunk& chunk);
 
   /// Stores the asset.
@@ -94,21 +94,21 @@ class AssetUpload {
   uint64_t expected_bytes_;  // of the store's budget
 };
 
-/// Files identified by their SHA-256. A stored file is complete; whether the disk has kept its content is checked
-/// when it is first used after the start, by reading all of it. A damaged file is renamed to SHA256.damaged and
-/// counts as missing, so that the next upload replaces it. Callers that need an asset while it is being checked
-/// wait for the result.
+/// Files identified by their SHA-256. A stored file is complete; whether the disk has kept its content is
+/// checked when it is first used after the start, by reading all of it. A damaged file is renamed to
+/// SHA256.damaged and counts as missing, so that the next upload replaces it. Callers that need an asset
+/// while it is being checked wait for the result.
 /// Threads: safe.
 class AssetStore {
  public:
   /// Both folders exist and are on the same file system. Keeps the uploads that a killed coordinator left in
-  /// `incoming_folder`, within the limits above. `log`, if not null, is told of damaged assets. `files` must outlive
-  /// it.
+  /// `incoming_folder`, within the limits above. `log`, if not null, is told of damaged assets. `files` must
+  /// outlive it.
   AssetStore(std::string folder, std::string incoming_folder, std::shared_ptr<spdlog::logger> log = nullptr,
              FileSystem* files = PrivateFileSystem(), const AssetLimits& limits = {});
 
-  /// Sets what returns the bytes that uploads may take at a moment; without it there is no limit. Call it before any
-  /// upload.
+  /// Sets what returns the bytes that uploads may take at a moment; without it there is no limit. Call it
+  /// before any upload.
   void SetRoom(std::function<uint64_t()> room) { room_ = std::move(room); }
 
   /// Whether the asset is stored and undamaged. False for text that is not a SHA-256.
@@ -117,7 +117,7 @@ class AssetStore {
   /// Whether the asset is stored and Has would have to read it, or wait for that.
   bool NeedsCheck(const std::string& sha256);
   /// The content of the asset may have changed since it was checked: it counts as not checked.
-  void Doubt(const std::string& sha256);
+  void Invalidate(const std::string& sha256);
   /// Ends checks in progress, with kCancelled; further ones end at once.
   void StopChecks() { checks_stopped_ = true; }
   /// 0 for an asset that is not stored.
@@ -128,7 +128,8 @@ class AssetStore {
 
   /// Begins to receive an asset from a caller, see UploadBudget. The store must outlive the upload.
   /// Errors: kInvalidArgument where `asset` has no valid SHA-256 or is larger than the limit;
-  /// kResourceExhausted where too many uploads, or too many bytes, are announced; kUnavailable for a disk error.
+  /// kResourceExhausted where too many uploads, or too many bytes, are announced; kUnavailable for a disk
+  /// error.
   absl::StatusOr<std::unique_ptr<AssetUpload>> Receive(const v1::AssetRef& asset, const std::string& caller);
 
   /// Reads an asset from `offset` on.
@@ -138,9 +139,9 @@ class AssetStore {
 
   /// Removes what is left of uploads that broke too long ago, see kKeptUploadAge.
   void RemoveOldUploads() const;
-  /// Removes the assets that were not used for kUnusedAssetAge and to which no job refers, and the damaged ones of that
-  /// age. `referenced` returns the SHA-256 of the others; it is called only where there are assets of that age. One that
-  /// is used after that call stays. Errors: those of `referenced`.
+  /// Removes the assets that were not used for kUnusedAssetAge and to which no job refers, and the damaged
+  /// ones of that age. `referenced` returns the SHA-256 of the others; it is called only where there are
+  /// assets of that age. One that is used after that call stays. Errors: those of `referenced`.
   absl::Status RemoveUnused(absl::FunctionRef<absl::StatusOr<std::set<std::string>>()> referenced);
 
  private:

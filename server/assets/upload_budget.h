@@ -8,8 +8,8 @@
 
 namespace lumifold::server {
 
-/// Uploads that are announced and not complete. Each holds a file descriptor and up to one message in memory. One caller
-/// may have a quarter of them.
+/// Uploads that are announced and not complete. Each holds a file descriptor and up to one message in memory.
+/// One caller may have a quarter of them.
 struct UploadLimits {
   int uploads = 64;
   int uploads_of_caller = 16;
@@ -17,16 +17,16 @@ struct UploadLimits {
   uint64_t bytes_of_caller = 256'000'000'000;
 };
 
-/// The bytes that running uploads have announced and not yet sent. An upload may only begin if all of them fit the
-/// room that is left, so that uploads cannot fill the disk between them, and those of one caller leave room for others.
-/// Pure state.
+/// The bytes that running uploads have announced and not yet sent. An upload may only begin if all of them
+/// fit the room that is left, so that uploads cannot fill the disk between them, and those of one caller
+/// leave room for others. Pure state.
 /// Threads: one at a time.
 class UploadBudget {
  public:
   explicit UploadBudget(const UploadLimits& limits = {}) : limits_(limits) {}
 
-  /// `caller` announces an upload of which `bytes` are to come; `name` is for errors. `room` is what uploads may take at
-  /// this moment: of the disk or of the quota, whichever has less.
+  /// `caller` announces an upload of which `bytes` are to come; `name` is for errors. `room` is what uploads
+  /// may take at this moment: of the disk or of the quota, whichever has less.
   /// Errors: kResourceExhausted naming the limit and its value; then nothing has begun.
   absl::Status Begin(const std::string& caller, const std::string& name, uint64_t bytes, uint64_t room);
   /// More is to come than was announced, because the upload starts over.

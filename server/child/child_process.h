@@ -27,18 +27,18 @@ struct ChildProcessOptions {
   absl::Duration time_limit = absl::InfiniteDuration();
 };
 
-/// Runs the program for one task in a child process, so that the coordinator survives a child that runs out of memory or
-/// crashes. The child's side is in child_task.h.
+/// Runs the program for one task in a child process, so that the coordinator survives a child that runs out
+/// of memory or crashes. The child's side is in child_task.h.
 /// Threads: Run from one thread at a time, so that at most one child runs; the others from any.
 class ChildProcess {
  public:
   explicit ChildProcess(ChildProcessOptions options) : options_(std::move(options)) {}
 
-  /// Starts the program with `command`, a data folder, the threads, the limit of memory and `arguments`, and returns the
-  /// child's answer; blocks. `task`: for errors.
-  /// Errors: those that the child answers; kInternal naming the signal that ended it; kDeadlineExceeded after the time
-  /// limit; kCancelled after Cancel, and after CancelJob of this job while it runs; kUnavailable where the machine has no
-  /// process, descriptor or memory left.
+  /// Starts the program with `command`, a data folder, the threads, the limit of memory and `arguments`, and
+  /// returns the child's answer; blocks. `task`: for errors.
+  /// Errors: those that the child answers; kInternal naming the signal that ended it; kDeadlineExceeded after
+  /// the time limit; kCancelled after Cancel, and after CancelJob of this job while it runs; kUnavailable
+  /// where the machine has no process, descriptor or memory left.
   absl::StatusOr<std::string> Run(const std::string& command, const std::string& root,
                                   const std::vector<std::string>& arguments, const job::JobId& job,
                                   const std::string& task);

@@ -14,8 +14,8 @@
 #include "proto/sandbox/sandbox.h"
 #include "server/ledger/open_job_store.h"
 
-// The child writes its answer to standard output; in place of it the number of the status code, a space and the message,
-// with exit code 1.
+// The child writes its answer to standard output; in place of it the number of the status code, a space and
+// the message, with exit code 1.
 
 namespace lumifold::server {
 namespace {
@@ -24,8 +24,8 @@ constexpr int kFailed = 1;
 /// Of ChildProcess::Run, before the arguments of the task.
 constexpr size_t kCommonArguments = 3;
 
-/// The filter reads units, writes results and reads the ledger; the rest of the data folder has secrets. Only a ledger
-/// elsewhere needs the network.
+/// The filter reads units, writes results and reads the ledger; the rest of the data folder has secrets. Only
+/// a ledger elsewhere needs the network.
 absl::Status SandboxThisProcess(const DataFolder& folder, const std::string& store,
                                 uint64_t memory_limit_bytes) {
   sandbox::SandboxOptions options = {

@@ -12,8 +12,9 @@
 
 namespace lumifold::server {
 
-/// Niceness of a child process. It yields to the coordinator, but still gets about a quarter of a core that it shares with
-/// one process of niceness 0; and three quarters of one that it shares with a thread of a worker, whose niceness is 10.
+/// Niceness of a child process. It yields to the coordinator, but still gets about a quarter of a core that
+/// it shares with one process of niceness 0; and three quarters of one that it shares with a thread of a
+/// worker, whose niceness is 10.
 inline constexpr int kChildNiceness = 5;
 /// Of one that has time: it yields to workers, too, and gets an eighth of a core beside such a thread.
 inline constexpr int kIdleNiceness = 19;
@@ -32,9 +33,9 @@ struct ChildTask {
 /// Returns the answer to the coordinator.
 using ChildBody = std::function<absl::StatusOr<std::string>(const ChildTask&)>;
 
-/// The main function of a child process that ChildProcess has started; `arguments` are those after the command. Lowers its
-/// priority to `niceness` (or the coordinator's, if that is higher) unless the task is kUrgent, enters the sandbox and runs `body`.
-/// Returns the exit code.
+/// The main function of a child process that ChildProcess has started; `arguments` are those after the
+/// command. Lowers its priority to `niceness` (or the coordinator's, if that is higher) unless the task is
+/// kUrgent, enters the sandbox and runs `body`. Returns the exit code.
 int RunChildTask(const std::vector<std::string>& arguments, int niceness, const ChildBody& body);
 
 }  // namespace lumifold::server

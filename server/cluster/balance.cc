@@ -13,8 +13,8 @@ using ledger::Member;
 /// A job that has not reached the figures yet counts as one.
 double JobsOf(const Member& member) { return static_cast<double>(std::max<int64_t>(1, member.active_jobs)); }
 
-/// Slots of each job where all slots are given out and nobody gets more than it demands: members are served in the order in
-/// which they are satisfied.
+/// Slots of each job where all slots are given out and nobody gets more than it demands: members are served
+/// in the order in which they are satisfied.
 double SlotsPerJob(absl::Span<const Member> members) {
   std::vector<const Member*> wanting;
   double slots = 0;

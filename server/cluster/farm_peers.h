@@ -23,9 +23,9 @@
 
 namespace lumifold::cluster {
 
-/// The other coordinators of a farm, as those see them that answer calls: a call about a job goes to the coordinator that
-/// owns it, in the name of its caller. A forwarded call is not forwarded again, so that coordinators that disagree about an
-/// owner cannot send it in circles.
+/// The other coordinators of a farm, as those see them that answer calls: a call about a job goes to the
+/// coordinator that owns it, in the name of its caller. A forwarded call is not forwarded again, so that
+/// coordinators that disagree about an owner cannot send it in circles.
 /// Threads: safe.
 class FarmPeers {
  public:
@@ -53,15 +53,17 @@ class FarmPeers {
     std::string address;
     std::shared_ptr<grpc::Channel> channel;
   };
-  /// The owner of a job; without a channel: this coordinator, also for a call that was forwarded, and for a job that is
-  /// not known. Errors: those of JobStore::GetJob; kUnavailable where the owner is gone and nobody has the job yet.
+  /// The owner of a job; without a channel: this coordinator, also for a call that was forwarded, and for a
+  /// job that is not known. Errors: those of JobStore::GetJob; kUnavailable where the owner is gone and
+  /// nobody has the job yet.
   absl::StatusOr<Peer> OwnerOf(const grpc::CallbackServerContext& context, const std::string& job_id);
   /// Errors: kNotFound for no member.
   absl::StatusOr<Peer> PeerOf(ledger::Epoch epoch);
 
   /// Until when a call waits for an owner: less than its client does.
   static absl::Time Patience(const grpc::CallbackServerContext& context);
-  /// Calls `next` on another thread, after a part of the time in which a lost coordinator's jobs are taken over.
+  /// Calls `next` on another thread, after a part of the time in which a lost coordinator's jobs are taken
+  /// over.
   static void AfterPause(std::function<void()> next);
 
   /// Adds to the context of a forwarded call whose it is and of which trace, and of a unary one when it ends.
@@ -69,7 +71,8 @@ class FarmPeers {
                      grpc::ClientContext* to) const;
   void Prepare(const grpc::CallbackServerContext& from, const access::Identity& caller,
                grpc::ClientContext* to) const;
-  /// Makes a unary call at a peer, which has some seconds to answer, less than clients wait. `path`: "/lumifold.v1.FarmService/GetJob". `request` need not outlive the call.
+  /// Makes a unary call at a peer, which has some seconds to answer, less than clients wait. `path`:
+  /// "/lumifold.v1.FarmService/GetJob". `request` need not outlive the call.
   template <typename Response, typename Request>
   void Forward(const Peer& peer, const std::string& path, const grpc::CallbackServerContext& from,
                const access::Identity& caller, const Request& request,

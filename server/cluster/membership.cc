@@ -15,8 +15,8 @@ namespace lumifold::cluster {
 namespace {
 
 constexpr int kRenewalsPerLease = 6;
-/// Jobs without an owner appear when a member leaves; others, of coordinators that ended before they were members,
-/// are looked for this seldom.
+/// Jobs without an owner appear when a member leaves; others, of coordinators that ended before they were
+/// members, are looked for this seldom.
 constexpr absl::Duration kAdoptionInterval = absl::Seconds(10);
 /// Between two moves of workers, in leases: by then those that moved are in the figures of the roster.
 constexpr double kLeasesPerMove = 0.7;

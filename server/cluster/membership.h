@@ -20,8 +20,8 @@ class logger;
 
 namespace lumifold::cluster {
 
-/// What membership asks of a coordinator, all on threads of Membership, which must not be held up: its lease would
-/// expire.
+/// What membership asks of a coordinator, all on threads of Membership, which must not be held up: its lease
+/// would expire.
 class MemberHost {
  public:
   virtual ~MemberHost() = default;
@@ -31,8 +31,9 @@ class MemberHost {
   /// These jobs are this coordinator's from now on.
   virtual void Adopt(const std::vector<ledger::AdoptedJob>& jobs) = 0;
   virtual void MoveWorkers(const WorkerMove& move) = 0;
-  /// The database has not answered for longer than the lease, so that what workers deliver here cannot be committed: all
-  /// are to go at once to the coordinator at `address`, or to any other that they know if it is empty.
+  /// The database has not answered for longer than the lease, so that what workers deliver here cannot be
+  /// committed: all are to go at once to the coordinator at `address`, or to any other that they know if it
+  /// is empty.
   virtual void SendWorkersAway(const std::string& address) = 0;
   /// This coordinator was expelled: all its jobs belong to others. It is called once, and last.
   virtual void OnExpelled() = 0;
@@ -49,8 +50,8 @@ struct MembershipOptions {
   std::shared_ptr<spdlog::logger> log;
 };
 
-/// Keeps a coordinator a member of its farm: renews its lease, expels members whose leases have expired, adopts the jobs
-/// of those that are gone, and sends workers where they are needed.
+/// Keeps a coordinator a member of its farm: renews its lease, expels members whose leases have expired,
+/// adopts the jobs of those that are gone, and sends workers where they are needed.
 /// Threads: safe; it has two of its own.
 class Membership {
  public:
@@ -74,7 +75,8 @@ class Membership {
   /// Sends workers away while the database cannot be reached. The other thread may wait for it then.
   void WatchDatabase();
   absl::Status Tick();
-  /// Those that had this address on this machine before cannot be running: their jobs need not wait for their leases.
+  /// Those that had this address on this machine before cannot be running: their jobs need not wait for their
+  /// leases.
   absl::Status ExpelPredecessors();
   absl::Status AdoptOrphans();
   void Balance(absl::Time now);

@@ -14,8 +14,9 @@ namespace {
 
 /// Maximum number of units in a batch. Limits the memory of a batch and the delay of acknowledgements.
 constexpr size_t kMaxBatch = 256;
-/// A log with which the disk has failed this often in succession is set aside, with a pause after each failure: an error
-/// that goes away by itself must not cost a frame. Its file stays until the film is deleted.
+/// A log with which the disk has failed this often in succession is set aside, with a pause after each
+/// failure: an error that goes away by itself must not cost a frame. Its file stays until the film is
+/// deleted.
 constexpr int kMaxWriteErrors = 3;
 constexpr char kBrokenSuffix[] = ".broken";
 constexpr double kPauseGrowth = 2;
@@ -115,7 +116,8 @@ void Committer::Discard(const FrameKey& frame, const std::vector<job::UnitKey>& 
   Write(
       [this, frame, units, lost] {
         if (!listener_->IsWanted(frame.first)) return absl::CancelledError("");
-        // First the records: a crash in between leaves rows without records, which are found and rendered again.
+        // First the records: a crash in between leaves rows without records, which are found and rendered
+        // again.
         if (absl::Status status = VoidRecordsOf(frame, units); !status.ok()) return status;
         *lost = TakeBackLostUnits(frame);
         return lost->status();

@@ -54,18 +54,19 @@ struct CommitterOptions {
   uint64_t reserve_bytes = 0;
 };
 
-/// Does all writing that the state of jobs depends on, on a thread of its own. Commits accepted units in groups: appends
-/// them to the unit logs of their frames, syncs each log once, then records the units of all jobs in one transaction of
-/// the ledger. Only then may a unit be acknowledged.
+/// Does all writing that the state of jobs depends on, on a thread of its own. Commits accepted units in
+/// groups: appends them to the unit logs of their frames, syncs each log once, then records the units of all
+/// jobs in one transaction of the ledger. Only then may a unit be acknowledged.
 ///
-/// Errors of the storage never reach a job: what could not be written is kept and tried again with growing pauses, and
-/// the StorageState says so. A log that alone cannot be written, again and again, is set aside: a new one is begun, and
-/// what the old one had is rendered again. Meanwhile the reserve file is given up, so that orders, which need little space, can still
-/// be recorded; units wait until the reserve is held again. What waits is bounded by the slots of the workers, since a
-/// unit takes its worker's slot until it is acknowledged, and by the active jobs and frames.
+/// Errors of the storage never reach a job: what could not be written is kept and tried again with growing
+/// pauses, and the StorageState says so. A log that alone cannot be written, again and again, is set aside: a
+/// new one is begun, and what the old one had is rendered again. Meanwhile the reserve file is given up, so
+/// that orders, which need little space, can still be recorded; units wait until the reserve is held again.
+/// What waits is bounded by the slots of the workers, since a unit takes its worker's slot until it is
+/// acknowledged, and by the active jobs and frames.
 ///
-/// Threads: all calls from any thread; the listener and the functions of orders are called from the committer's own
-/// thread, without a lock.
+/// Threads: all calls from any thread; the listener and the functions of orders are called from the
+/// committer's own thread, without a lock.
 class Committer {
  public:
   /// Receives the outcome of commits.
@@ -77,13 +78,13 @@ class Committer {
     /// The units, all of one job, are committed; or, if `status` is an error, none of them is committed and
     /// the job cannot continue. kAborted: the job belongs to another coordinator.
     virtual void OnCommitted(const std::vector<AcceptedUnit>& units, const absl::Status& status) = 0;
-    /// The records of `lost` units of a frame could not be read, and the ledger no longer has them: they must be
-    /// rendered again. `cause` is the error that led to the check. Empty `lost`: every committed unit can be read.
-    /// An error: the job cannot continue.
+    /// The records of `lost` units of a frame could not be read, and the ledger no longer has them: they must
+    /// be rendered again. `cause` is the error that led to the check. Empty `lost`: every committed unit can
+    /// be read. An error: the job cannot continue.
     virtual void OnUnitsLost(const job::JobId& job, int32_t frame, const absl::Status& cause,
                              const absl::StatusOr<std::vector<ledger::UnitRecord>>& lost) = 0;
-    /// Units of a frame were discarded: neither the ledger nor the log has them. `lost`: those, and others whose records
-    /// could not be read. An error: the job cannot continue.
+    /// Units of a frame were discarded: neither the ledger nor the log has them. `lost`: those, and others
+    /// whose records could not be read. An error: the job cannot continue.
     virtual void OnUnitsDiscarded(const FrameKey& frame, const std::vector<job::UnitKey>& units,
                                   const absl::StatusOr<std::vector<ledger::UnitRecord>>& lost) = 0;
     /// The storage can be written again.
@@ -95,27 +96,29 @@ class Committer {
             StorageState* storage, monitoring::FarmTimings* timings, Listener* listener);
   ~Committer();
 
-  /// Sets the size of a frame's unit log according to the ledger. Call it before Start, or from the committer's thread.
+  /// Sets the size of a frame's unit log according to the ledger. Call it before Start, or from the
+  /// committer's thread.
   void RestoreLog(const FrameKey& frame, uint64_t committed_bytes);
   void Start();
 
   void Enqueue(AcceptedUnit unit);
-  /// An order: calls `write` until it returns no storage error, then `done` with the outcome. Orders are carried out
-  /// in order, and before units that wait. `write` may be called again after it has had an effect.
+  /// An order: calls `write` until it returns no storage error, then `done` with the outcome. Orders are
+  /// carried out in order, and before units that wait. `write` may be called again after it has had an
+  /// effect.
   void Write(std::function<absl::Status()> write, std::function<void(const absl::Status&)> done);
-  /// Reads the log of a frame that is not finished, takes back the units whose records cannot be read, and calls
-  /// OnUnitsLost. No unit of the frame may be queued.
+  /// Reads the log of a frame that is not finished, takes back the units whose records cannot be read, and
+  /// calls OnUnitsLost. No unit of the frame may be queued.
   void Check(const FrameKey& frame, const absl::Status& cause);
-  /// Takes committed units of a frame that is not finished out of its log and the ledger, and calls OnUnitsDiscarded.
-  /// No effect on a frame that the listener does not want any more.
+  /// Takes committed units of a frame that is not finished out of its log and the ledger, and calls
+  /// OnUnitsDiscarded. No effect on a frame that the listener does not want any more.
   void Discard(const FrameKey& frame, const std::vector<job::UnitKey>& units);
-  /// Forgets the log of a finished frame, or all logs of a job that has ended, so that they can be deleted. Call it
-  /// from the committer's thread.
+  /// Forgets the log of a finished frame, or all logs of a job that has ended, so that they can be deleted.
+  /// Call it from the committer's thread.
   void ForgetLog(const FrameKey& frame);
   void ForgetLogs(const job::JobId& job);
 
-  /// Forgets everything of a job that the scheduler no longer has: its logs, and units that were accepted and are not
-  /// committed. Call it from the committer's thread.
+  /// Forgets everything of a job that the scheduler no longer has: its logs, and units that were accepted and
+  /// are not committed. Call it from the committer's thread.
   void ForgetJob(const job::JobId& job);
 
   /// Writes what is queued, unless the storage cannot be written, then stops. Later calls have no effect.
@@ -139,7 +142,8 @@ class Committer {
   /// Waits until there is something to do; false when the committer is to end.
   bool AwaitWork();
   bool HasWork() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  /// Waits after an error of the storage, until there is a new order at most; false when the committer is to end.
+  /// Waits after an error of the storage, until there is a new order at most; false when the committer is to
+  /// end.
   bool Pause();
   bool EndsPause();
   /// Tries everything that waits once. Errors: one of the storage.
@@ -154,7 +158,8 @@ class Committer {
                         std::vector<ledger::UnitRecord>* records);
   absl::Status AppendAndSync(const FrameKey& frame, const std::vector<AcceptedUnit*>& units,
                              std::vector<ledger::UnitRecord>* records);
-  /// Counts an error of the disk with a log, and begins a new log after some. The error that is to be tried again.
+  /// Counts an error of the disk with a log, and begins a new log after some. The error that is to be tried
+  /// again.
   absl::Status SetAsideBrokenLog(const FrameKey& frame, const absl::Status& cause);
   absl::Status RecordClass(const job::JobId& job, const std::string& numeric_class);
   void Report(Batch batch, const std::vector<absl::Status>& outcomes);

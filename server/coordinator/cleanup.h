@@ -9,7 +9,8 @@
 
 namespace lumifold::server {
 
-/// Removes what is no longer needed, on threads for which nobody waits: files, rows of units, and what the janitor finds.
+/// Removes what is no longer needed, on threads for which nobody waits: files, rows of units, and what the
+/// janitor finds.
 /// Threads: safe.
 class Cleanup {
  public:

@@ -31,12 +31,12 @@ class Submission;
 class Takeover;
 class WorkerCalls;
 
-/// Makes all decisions about jobs: accepts them, grants leases, commits each unit once, finishes frames, ends jobs.
-/// Independent of gRPC. Acknowledges a unit only after it is committed; after a restart with the same data folder it
-/// continues all unfinished jobs.
+/// Makes all decisions about jobs: accepts them, grants leases, commits each unit once, finishes frames, ends
+/// jobs. Independent of gRPC. Acknowledges a unit only after it is committed; after a restart with the same
+/// data folder it continues all unfinished jobs.
 ///
-/// This class only builds, starts and stops the parts. State and decisions are in Farm, behind the lock of FarmState; a
-/// part for each kind of caller, and one for each thread, works on it.
+/// This class only builds, starts and stops the parts. State and decisions are in Farm, behind the lock of
+/// FarmState; a part for each kind of caller, and one for each thread, works on it.
 /// Threads: safe; it has several of its own (committer, finisher, housekeeping, and those for tasks).
 class Coordinator {
  public:
@@ -65,7 +65,8 @@ class Coordinator {
   void SetAddress(const std::string& address);
   /// The epoch that a job belongs to. Errors: those of JobStore::GetJob.
   absl::StatusOr<ledger::Epoch> OwnerOf(const job::JobId& job);
-  /// Committed units of a job, for previews of one of its frames. Errors: those of GetPreview about the job and the frame.
+  /// Committed units of a job, for previews of one of its frames. Errors: those of GetPreview about the job
+  /// and the frame.
   absl::StatusOr<int64_t> CountUnits(const job::JobId& job, int32_t frame);
   /// What the metrics endpoint shows. Linear in active jobs and workers.
   monitoring::FarmFigures Figures();

@@ -21,8 +21,8 @@
 
 namespace lumifold::server {
 
-/// What a change of the farm's state leads to on the disk and on other threads. Its calls only queue: they never block and
-/// never call back.
+/// What a change of the farm's state leads to on the disk and on other threads. Its calls only queue: they
+/// never block and never call back.
 class FarmEffects {
  public:
   virtual ~FarmEffects() = default;
@@ -41,8 +41,9 @@ class FarmEffects {
   virtual void WakeFinisher() = 0;
 };
 
-/// The state of a farm: jobs, workers, leases and frames, and the rules that concern several of them. Everything that only
-/// one part decides is that part's. No lock, no disk: FarmState has the lock, FarmEffects the way out.
+/// The state of a farm: jobs, workers, leases and frames, and the rules that concern several of them.
+/// Everything that only one part decides is that part's. No lock, no disk: FarmState has the lock,
+/// FarmEffects the way out.
 /// Threads: one at a time.
 class Farm {
  public:
@@ -64,12 +65,13 @@ class Farm {
   void EndJob(const job::JobId& job, v1::JobState state, const std::string& cause);
   /// Fails a job.
   void FailJob(const job::JobId& job, const std::string& cause) { EndJob(job, v1::JOB_STATE_FAILED, cause); }
-  /// An active job leaves the scheduler and the finisher, until EnterJob. `shown`: what clients see if it is not active.
+  /// An active job leaves the scheduler and the finisher, until EnterJob. `shown`: what clients see if it is
+  /// not active.
   void SuspendJob(const job::JobId& job, v1::JobStatus shown);
   /// Starts or fails jobs that no longer wait for others.
   void Settle(const job::Settled& settled);
-  /// Pauses or resumes leases of an active job: it runs unless its user has paused it, or it waits for other jobs or for a
-  /// file. To be called when one of these changes.
+  /// Pauses or resumes leases of an active job: it runs unless its user has paused it, or it waits for other
+  /// jobs or for a file. To be called when one of these changes.
   void UpdatePause(const job::JobId& job);
   /// A file of a scene is here: jobs that wait for it go on.
   void OnAssetFound(const std::string& sha256);

@@ -45,7 +45,8 @@ void FarmRecords::OnEndRecorded(const JobId& job, const absl::Status& status) {
   }
   for (const StatusAnswer& done : ended.cancels) done(last);
   if (!status.ok()) {
-    // Another coordinator has the job, or its row is gone: what lies here is not this coordinator's to delete.
+    // Another coordinator has the job, or its row is gone: what lies here is not this coordinator's to
+    // delete.
     resources_->log().error("event=ledger_failed job={} error={}", job.value(),
                             logging::Quoted(status.message()));
     return;

@@ -14,8 +14,8 @@ namespace lumifold::server {
 
 class Committer;
 
-/// Carries out what changes of the farm lead to: ends of jobs and blocks of workers are orders to the committer, and
-/// threads are woken.
+/// Carries out what changes of the farm lead to: ends of jobs and blocks of workers are orders to the
+/// committer, and threads are woken.
 /// Threads: safe; what an order leads to happens on the committer's thread.
 class FarmRecords final : public FarmEffects {
  public:

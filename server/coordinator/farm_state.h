@@ -7,8 +7,8 @@
 
 namespace lumifold::server {
 
-/// The farm behind its lock, the only one that several threads of a coordinator share. The lock is never held during a call
-/// of the ledger or of a file, so that slow storage does not delay leases.
+/// The farm behind its lock, the only one that several threads of a coordinator share. The lock is never held
+/// during a call of the ledger or of a file, so that slow storage does not delay leases.
 /// Threads: safe.
 class FarmState {
  public:

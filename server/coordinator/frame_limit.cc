@@ -14,15 +14,16 @@ namespace {
 constexpr size_t kMostOpenLogs = 256;
 constexpr uint64_t kDiskShare = 2;     // one in
 constexpr uint64_t kMemoryShare = 16;  // one in
-/// Memory that the coordinator needs for a unit of a frame in flight: the scheduler's bit, and the lists of an assembly
-/// or a check of the frame.
+/// Memory that the coordinator needs for a unit of a frame in flight: the scheduler's bit, and the lists of
+/// an assembly or a check of the frame.
 constexpr uint64_t kUnitMemoryBytes = 64;
 constexpr uint64_t kAssumedFloats = 120;
 
 }  // namespace
 
 FrameDemand DemandOf(const v1::JobSpec& spec, const job::FrameUnits& units, const UnitBytes& known) {
-  // With adaptive sampling about as many passes as without: their number grows with the logarithm of the samples.
+  // With adaptive sampling about as many passes as without: their number grows with the logarithm of the
+  // samples.
   const auto passes =
       static_cast<uint64_t>(1 + (units.is_adaptive() ? job::kDefaultMaxPasses / 2 : units.pass_count()));
   const auto count = static_cast<uint64_t>(units.tiles().count()) * passes;

@@ -29,16 +29,19 @@ struct UnitBytes {
   int64_t units = 0;
 };
 
-/// The demand of a frame of a job. Before its first units are committed it is taken to have 120 floats for each pixel
-/// and pass, which is between what a scene without reflections has (60) and one with all reflection levels (250).
+/// The demand of a frame of a job. Before its first units are committed it is taken to have 120 floats for
+/// each pixel and pass, which is between what a scene without reflections has (60) and one with all
+/// reflection levels (250).
 FrameDemand DemandOf(const v1::JobSpec& spec, const job::FrameUnits& units, const UnitBytes& known);
 
-/// Number of frames that may be in flight, at least 1: each has an open log, half of the free disk holds their logs,
-/// and a sixteenth of the memory the bookkeeping of their units. The other half of the disk is for results, assets and
-/// frames whose units turn out larger; with more than one open log for each frame logs would be opened again and again.
+/// Number of frames that may be in flight, at least 1: each has an open log, half of the free disk holds
+/// their logs, and a sixteenth of the memory the bookkeeping of their units. The other half of the disk is
+/// for results, assets and frames whose units turn out larger; with more than one open log for each frame
+/// logs would be opened again and again.
 int MaxActiveFrames(const FrameResources& resources, const FrameDemand& demand);
 
-/// The frames that may be in flight, by what the machine has and what the largest frame of any job demands. Pure state.
+/// The frames that may be in flight, by what the machine has and what the largest frame of any job demands.
+/// Pure state.
 /// Threads: one at a time.
 class FrameLimit {
  public:
@@ -55,8 +58,8 @@ class FrameLimit {
   FrameDemand largest_;
 };
 
-/// Number of unit logs that this process may keep open: a quarter of its descriptors, at most 256. The others are for
-/// connections, uploads, downloads and the ledger.
+/// Number of unit logs that this process may keep open: a quarter of its descriptors, at most 256. The others
+/// are for connections, uploads, downloads and the ledger.
 size_t MaxOpenLogs();
 
 /// Physical memory of this machine in bytes.

@@ -10,7 +10,8 @@ namespace {
 /// A frame that failed this often, of a cause that may go away, fails its job.
 constexpr int kMaxFailures = 3;
 constexpr double kPauseGrowth = 4;
-/// Longest pause before a frame that found the disk full is tried again, and the growths that lead to it at most.
+/// Longest pause before a frame that found the disk full is tried again, and the growths that lead to it at
+/// most.
 constexpr absl::Duration kLongestPause = absl::Minutes(1);
 constexpr int kMaxGrowths = 20;
 

@@ -8,8 +8,8 @@ namespace {
 using job::JobId;
 using job::WorkerId;
 
-/// Time for which units in hand of jobs that are not active here are remembered: a job of a coordinator that was lost is
-/// claimed meanwhile. Workers drop such units no later than that.
+/// Time for which units in hand of jobs that are not active here are remembered: a job of a coordinator that
+/// was lost is claimed meanwhile. Workers drop such units no later than that.
 constexpr absl::Duration kRememberInHand = absl::Seconds(60);
 
 }  // namespace

@@ -20,11 +20,12 @@
 
 namespace lumifold::server {
 
-/// Changes of jobs that exist: parts are rendered again, samples are added, or the job is cancelled or deleted.
+/// Changes of jobs that exist: parts are rendered again, samples are added, or the job is cancelled or
+/// deleted.
 ///
-/// A job that is changed is first suspended: it leaves the scheduler, the finisher and the committer, as if it had ended.
-/// Then its logs and its row are changed, and it is restored as after a restart. A crash at any point leaves the job as it
-/// was before or after the change, or with some units that are rendered again.
+/// A job that is changed is first suspended: it leaves the scheduler, the finisher and the committer, as if
+/// it had ended. Then its logs and its row are changed, and it is restored as after a restart. A crash at any
+/// point leaves the job as it was before or after the change, or with some units that are rendered again.
 /// Threads: safe; changes are made one after the other on a thread of its own.
 class JobChanges final : public JobChangeApi {
  public:
@@ -58,7 +59,8 @@ class JobChanges final : public JobChangeApi {
   absl::StatusOr<v1::JobStatus> Delete(const job::JobId& job);
   absl::StatusOr<v1::JobStatus> CancelNow(const job::JobId& job);
   absl::StatusOr<job::ReopenPlan> PlanFor(const job::JobId& job, const job::ReopenRequest& request);
-  /// Takes a job away from scheduler, finisher and committer. Errors: kUnavailable when the coordinator stops.
+  /// Takes a job away from scheduler, finisher and committer. Errors: kUnavailable when the coordinator
+  /// stops.
   absl::Status Suspend(const job::JobId& job, v1::JobStatus shown);
   /// Waits while the end of the job is being recorded.
   void AwaitEnd(const job::JobId& job);

@@ -25,8 +25,8 @@ class JobLoader {
   absl::StatusOr<LoadedJob> Load(const ledger::JobRecord& record);
   /// As its row in the ledger is now. nullopt: it has ended, and what is left of it is cleared away.
   absl::StatusOr<std::optional<LoadedJob>> Load(const job::JobId& job);
-  /// Jobs whose manifest lies here but that the ledger does not have: they are entered into it. Clears away after jobs that
-  /// have ended.
+  /// Jobs whose manifest lies here but that the ledger does not have: they are entered into it. Clears away
+  /// after jobs that have ended.
   absl::StatusOr<std::vector<ledger::JobRecord>> FindForgottenJobs();
 
  private:

@@ -26,12 +26,14 @@ class JobQueries final : public JobApi {
   absl::StatusOr<v1::ServerStatus> GetServerStatus() override;
   absl::StatusOr<v1::GetLogResponse> GetLog(const v1::GetLogRequest& request) override;
 
-  /// Committed units of a job, for previews of one of its frames. Errors: those of GetPreview about the job and the frame.
+  /// Committed units of a job, for previews of one of its frames. Errors: those of GetPreview about the job
+  /// and the frame.
   absl::StatusOr<int64_t> CountUnits(const job::JobId& job, int32_t frame);
   absl::StatusOr<v1::JobStatus> StatusOf(const job::JobId& job);
   /// The epoch that a job belongs to. Errors: those of JobStore::GetJob.
   absl::StatusOr<ledger::Epoch> OwnerOf(const job::JobId& job);
-  /// Of a job that was not in memory. Errors: kUnavailable for one that has not ended: it is between two coordinators.
+  /// Of a job that was not in memory. Errors: kUnavailable for one that has not ended: it is between two
+  /// coordinators.
   static absl::Status CheckHasEnded(const v1::JobStatus& status);
 
  private:

@@ -11,7 +11,8 @@ namespace lumifold::server {
 /// Status of a job that has ended, from its row in the ledger.
 v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record);
 
-/// Status of a job as its row tells it; of one that has not ended, which another coordinator may own, as far as that goes.
+/// Status of a job as its row tells it; of one that has not ended, which another coordinator may own, as far
+/// as that goes.
 v1::JobStatus StatusOfRecord(const ledger::JobRecord& record);
 
 /// State of an active job as clients see it.
@@ -20,7 +21,8 @@ v1::JobState StateOfActiveJob(const ledger::JobRecord& record, const scheduler::
 /// Status of an active job, from the scheduler and, for the other fields, from its row in the ledger.
 v1::JobStatus StatusOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress);
 
-/// Adds a warning of a unit to those of its job: each line once, at most job::kMaxJobWarnings; others are counted.
+/// Adds a warning of a unit to those of its job: each line once, at most job::kMaxJobWarnings; others are
+/// counted.
 void AddWarning(const std::string& line, ledger::JobRecord* record);
 
 }  // namespace lumifold::server

@@ -21,7 +21,8 @@ namespace lumifold::server {
 /// A job that is rendered, or waits to be. What is known of it here ends with it.
 struct ActiveJob {
   ledger::JobRecord record;
-  /// When its render time would have begun, had all of it been spent without a break; nullopt before the first lease.
+  /// When its render time would have begun, had all of it been spent without a break; nullopt before the
+  /// first lease.
   std::optional<absl::Time> render_start;
   UnitBytes unit_bytes;
   /// With adaptive sampling: the largest error of a frame that the last estimates predict.

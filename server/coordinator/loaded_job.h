@@ -18,7 +18,8 @@ namespace lumifold::server {
 struct LoadedJob {
   ledger::JobRecord record;
   std::vector<int32_t> finished;
-  /// Committed units of the other frames, these frames, and the ends of the logs that this coordinator writes.
+  /// Committed units of the other frames, these frames, and the ends of the logs that this coordinator
+  /// writes.
   std::vector<scheduler::RestoredUnit> units;
   std::set<int32_t> frames;
   std::map<int32_t, uint64_t> committed_bytes;

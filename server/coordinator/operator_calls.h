@@ -29,8 +29,8 @@ class OperatorCalls final : public OperatorApi {
   absl::StatusOr<v1::WorkerStatus> BlockWorker(const v1::WorkerRequest& request) override;
   absl::StatusOr<v1::WorkerStatus> ReadmitWorker(const v1::WorkerRequest& request) override;
 
-  /// Blocks the workers that the ledger has as blocked, and no others: this coordinator before its start, or another one,
-  /// has changed them. Errors: those of the ledger.
+  /// Blocks the workers that the ledger has as blocked, and no others: this coordinator before its start, or
+  /// another one, has changed them. Errors: those of the ledger.
   absl::Status ReadBlockedWorkers();
 
  private:
@@ -46,8 +46,8 @@ class OperatorCalls final : public OperatorApi {
   FarmState* const state_;
   Committer* const committer_;
   JobQueries* const queries_;
-  /// One change of a job's scheduling or of the blocked workers at a time, in the ledger and in the farm. Taken before the
-  /// farm's lock.
+  /// One change of a job's scheduling or of the blocked workers at a time, in the ledger and in the farm.
+  /// Taken before the farm's lock.
   absl::Mutex mutex_;
 };
 

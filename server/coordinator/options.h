@@ -34,7 +34,8 @@ struct CoordinatorOptions {
   absl::Duration lease = absl::Seconds(30);
   /// Interval of the workers' heartbeats.
   absl::Duration heartbeat = absl::Seconds(5);
-  /// Pause before a frame whose filter process was killed is tried again; the next pause is four times as long.
+  /// Pause before a frame whose filter process was killed is tried again; the next pause is four times as
+  /// long.
   absl::Duration finish_pause = absl::Seconds(5);
   /// Monotonic clock: orders everything.
   std::function<absl::Time()> now;
@@ -52,7 +53,8 @@ struct CoordinatorOptions {
   JobLimits limits;
   /// What is kept of jobs that have ended. The free bytes of the disk are set by the coordinator.
   RetentionLimits retention;
-  /// Called with false when the storage can no longer be written, and with true when it can again; from any thread.
+  /// Called with false when the storage can no longer be written, and with true when it can again; from any
+  /// thread.
   std::function<void(bool)> on_storage_change = [](bool) {};
   /// What lines about jobs say of them, for `log`. Null: nothing.
   std::shared_ptr<logging::JobLabels> labels = nullptr;
@@ -62,8 +64,8 @@ struct CoordinatorOptions {
   AssetChecks* asset_checks = nullptr;
   /// Whether connections are in plain text, for display.
   bool insecure = false;
-  /// Whether others may have the same ledger and data folder: then the unfinished jobs are not claimed, but adopted as
-  /// cluster::Membership says.
+  /// Whether others may have the same ledger and data folder: then the unfinished jobs are not claimed, but
+  /// adopted as cluster::Membership says.
   bool is_member = false;
   /// Called once, from any thread, when its jobs belong to others: nothing that it does counts any more.
   std::function<void()> on_expelled = [] {};

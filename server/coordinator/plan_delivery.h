@@ -6,9 +6,9 @@
 
 namespace lumifold::server {
 
-/// How a job gets its plan. A plan unit is leased, accepted, lost and failed like any other. What it delivers is committed
-/// with the job's spec in one transaction of the ledger: after a crash before it the plan unit is leased again, after a
-/// crash behind it the job has this plan.
+/// How a job gets its plan. A plan unit is leased, accepted, lost and failed like any other. What it delivers
+/// is committed with the job's spec in one transaction of the ledger: after a crash before it the plan unit
+/// is leased again, after a crash behind it the job has this plan.
 /// Threads: safe.
 class PlanDelivery {
  public:

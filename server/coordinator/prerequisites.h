@@ -20,10 +20,11 @@ class Prerequisites {
   absl::StatusOr<std::vector<job::Prerequisite>> Check(const v1::Scheduling& scheduling) const;
   /// The jobs that `scheduling` names, in the states that the ledger has. Errors: those of the ledger.
   absl::StatusOr<std::vector<job::Prerequisite>> Read(const v1::Scheduling& scheduling) const;
-  /// Looks again at jobs that had not ended when they were read, and may have left memory before the job that waits for
-  /// them was started.
+  /// Looks again at jobs that had not ended when they were read, and may have left memory before the job that
+  /// waits for them was started.
   void LookAgain(const std::vector<job::Prerequisite>& after) const;
-  /// Looks at all jobs that others wait for and that are not in memory: other coordinators may have ended them.
+  /// Looks at all jobs that others wait for and that are not in memory: other coordinators may have ended
+  /// them.
   void LookAtAll() const;
 
  private:

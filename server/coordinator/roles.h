@@ -24,8 +24,8 @@ namespace lumifold::access {
 struct Identity;
 }  // namespace lumifold::access
 
-/// What services ask of a coordinator, an interface for each kind of caller: farm.proto and worker.proto document the
-/// calls and their errors. All are safe from any thread.
+/// What services ask of a coordinator, an interface for each kind of caller: farm.proto and worker.proto
+/// document the calls and their errors. All are safe from any thread.
 namespace lumifold::server {
 
 class AssetUpload;
@@ -69,8 +69,8 @@ class JobApi {
   virtual absl::StatusOr<v1::ListJobsResponse> ListJobs(const v1::ListJobsRequest& request) = 0;
   virtual absl::StatusOr<v1::ExplainJobResponse> ExplainJob(const std::string& job_id) = 0;
   virtual absl::StatusOr<rpc::ByteSender> OpenResult(const v1::DownloadResultRequest& request) = 0;
-  /// Calls `watcher` with the job's status at once and after changes, at most ten times a second and once more when
-  /// the job ends or is lost, until Unwatch.
+  /// Calls `watcher` with the job's status at once and after changes, at most ten times a second and once
+  /// more when the job ends or is lost, until Unwatch.
   virtual absl::Status Watch(const std::string& job_id, JobWatcher* watcher) = 0;
   /// After it returns the watcher is not called again. No effect on a watcher that does not watch.
   virtual void Unwatch(JobWatcher* watcher) = 0;
@@ -82,8 +82,8 @@ class JobApi {
 class JobChangeApi {
  public:
   virtual ~JobChangeApi() = default;
-  /// `done` has the status once the end of the job is recorded, or kResourceExhausted when it cannot be recorded now; then
-  /// the job ends as soon as it can.
+  /// `done` has the status once the end of the job is recorded, or kResourceExhausted when it cannot be
+  /// recorded now; then the job ends as soon as it can.
   virtual void CancelJob(const std::string& job_id, StatusAnswer done) = 0;
   virtual void RetryJob(const v1::RetryJobRequest& request, StatusAnswer done) = 0;
   virtual void AddSamples(const v1::AddSamplesRequest& request, StatusAnswer done) = 0;
@@ -118,14 +118,14 @@ struct LeasedUnit {
   film::UnitModel model;
 };
 
-/// What a worker's connection says. `caller` is the identity of the connection, see access::KeyOf: a worker's id is of use
-/// to its own identity only.
+/// What a worker's connection says. `caller` is the identity of the connection, see access::KeyOf: a worker's
+/// id is of use to its own identity only.
 class WorkerApi {
  public:
   virtual ~WorkerApi() = default;
-  /// Sends Welcome to a worker and grants it leases. With access control its name is that of its certificate, so that a
-  /// block holds for all processes that have it, and they count as one party in audits. `sink` is used until RemoveWorker
-  /// has returned.
+  /// Sends Welcome to a worker and grants it leases. With access control its name is that of its certificate,
+  /// so that a block holds for all processes that have it, and they count as one party in audits. `sink` is
+  /// used until RemoveWorker has returned.
   virtual absl::StatusOr<job::WorkerId> AddWorker(const v1::Hello& hello, const access::Identity& caller,
                                                   WorkerSink* sink) = 0;
   virtual void RemoveWorker(job::WorkerId worker) = 0;
@@ -141,8 +141,8 @@ class WorkerApi {
                                               job::Attempt attempt) = 0;
   /// Accepts a complete unit whose layout and values are valid.
   virtual void Deliver(job::WorkerId worker, film::EncodedUnit unit) = 0;
-  /// Accepts the result of a plan unit that the worker holds, and commits it: only then is the job divided into the units
-  /// of its frames. Errors: those of job::PlannedSpec.
+  /// Accepts the result of a plan unit that the worker holds, and commits it: only then is the job divided
+  /// into the units of its frames. Errors: those of job::PlannedSpec.
   virtual absl::Status DeliverPlan(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
                                    const v1::Plan& plan) = 0;
   /// Acknowledges a unit that is not wanted, so that the worker drops it.
@@ -161,8 +161,8 @@ class WorkerApi {
   virtual absl::Status CheckFetch(const v1::FetchAssetRequest& request, const std::string& caller) = 0;
   /// After CheckFetch.
   virtual absl::StatusOr<rpc::ByteSender> OpenAsset(const v1::FetchAssetRequest& request) const = 0;
-  /// The worker could not get an asset of the unit's job. If it is not here or damaged, the job waits until it is
-  /// uploaded again; otherwise the unit has failed.
+  /// The worker could not get an asset of the unit's job. If it is not here or damaged, the job waits until
+  /// it is uploaded again; otherwise the unit has failed.
   virtual void OnAssetMissing(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
                               const std::string& sha256, const std::string& error) = 0;
 };

@@ -20,8 +20,9 @@ class SceneFiles {
   absl::StatusOr<v1::JobSpec> FetchSpec(const v1::FetchSpecRequest& request, const std::string& caller) const;
   absl::Status CheckFetch(const v1::FetchAssetRequest& request, const std::string& caller) const;
   absl::StatusOr<rpc::ByteSender> OpenAsset(const v1::FetchAssetRequest& request) const;
-  /// A worker could not get an asset of a unit that it holds. The content is read again, on another thread: it may have
-  /// changed since it was checked. Calls `on_present` if the fault is not the file's; otherwise the job waits for it.
+  /// A worker could not get an asset of a unit that it holds. The content is read again, on another thread:
+  /// it may have changed since it was checked. Calls `on_present` if the fault is not the file's; otherwise
+  /// the job waits for it.
   void OnMissing(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
                  const std::string& sha256, const std::function<void()>& on_present) const;
 

@@ -126,8 +126,8 @@ absl::StatusOr<v1::SubmitJobResponse> Submission::SubmitJob(const v1::SubmitJobR
                      .scheduling = *std::move(scheduling),
                      .submitted = absl::InfinitePast(),
                      .owner = resources_->owner};
-  // First: limits and conditions are those of new jobs. A client that did not get the answer to its submission must get
-  // it by a repetition.
+  // First: limits and conditions are those of new jobs. A client that did not get the answer to its
+  // submission must get it by a repetition.
   const absl::StatusOr<std::optional<JobId>> recorded = resources_->store->FindRequest(job);
   if (!recorded.ok()) return resources_->NoteError(recorded.status());
   const absl::StatusOr<JobId> id =
@@ -165,7 +165,8 @@ absl::StatusOr<JobId> Submission::RecordJob(const ledger::NewJob& job,
   }
   absl::StatusOr<JobId> id = resources_->store->CreateJob(job);
   if (IsStorageError(id.status())) {
-    // It may be recorded: the manifest stays, and the job is started when the client, or the next start, finds it.
+    // It may be recorded: the manifest stays, and the job is started when the client, or the next start,
+    // finds it.
     FarmState::Change(state_)->submissions.AddUncertain(job.id);
     return id;
   }

@@ -39,7 +39,8 @@ class Submission final : public SubmissionApi {
   absl::Status BeginSubmission(const std::string& user);
   /// Checks what a new job must meet, and records it.
   absl::StatusOr<job::JobId> SubmitNewJob(ledger::NewJob job);
-  /// A request that is recorded: starts its job if an error of the storage has left open whether it is. Returns `id`.
+  /// A request that is recorded: starts its job if an error of the storage has left open whether it is.
+  /// Returns `id`.
   absl::StatusOr<job::JobId> StartIfUncertain(const job::JobId& id);
   absl::StatusOr<job::JobId> RecordJob(const ledger::NewJob& job,
                                        const std::vector<job::Prerequisite>& after);

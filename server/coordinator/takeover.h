@@ -18,8 +18,8 @@
 
 namespace lumifold::server {
 
-/// What a coordinator does as one of several over the same ledger and data folder: it adopts jobs, sends workers where
-/// they are needed, and looks at what the others have changed.
+/// What a coordinator does as one of several over the same ledger and data folder: it adopts jobs, sends
+/// workers where they are needed, and looks at what the others have changed.
 /// Threads: safe; it has one of its own.
 class Takeover final : public cluster::MemberHost {
  public:

@@ -25,8 +25,8 @@ class Watchers {
   bool TakeNews();
   /// When Notify has something to do; InfiniteFuture if no job has changed.
   absl::Time due() const;
-  /// Tells watchers of the jobs that have changed, at most ten times a second. `status`: of a job; nullopt if it is not in
-  /// memory.
+  /// Tells watchers of the jobs that have changed, at most ten times a second. `status`: of a job; nullopt if
+  /// it is not in memory.
   void Notify(absl::Time now, absl::FunctionRef<std::optional<v1::JobStatus>(const job::JobId&)> status);
   /// Tells watchers of a job its last status, or why they are told no more.
   void NotifyEnd(const job::JobId& job, const absl::StatusOr<v1::JobStatus>& last) const;

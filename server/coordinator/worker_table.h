@@ -14,7 +14,8 @@
 namespace lumifold::server {
 
 struct ConnectedWorker {
-  /// Of its certificate, so that a block holds for all processes that have it; without access control as `process`.
+  /// Of its certificate, so that a block holds for all processes that have it; without access control as
+  /// `process`.
   std::string name = {};
   /// What the worker calls itself.
   std::string process = {};

@@ -93,8 +93,8 @@ void WriteWhole(const TilePlacement& placement, const TileSums& sums, std::strin
 
 Counts CountsOf(const TileSums& sums) { return {sums.Of(layers::kSamplesA), sums.Of(layers::kSamplesB)}; }
 
-/// All rows of all lists of the tiles, in the order of the frame's pixels. The rows of a pixel are in one list, and keep
-/// their order.
+/// All rows of all lists of the tiles, in the order of the frame's pixels. The rows of a pixel are in one
+/// list, and keep their order.
 LayeredImage AssembleLists(const std::vector<LayeredImage>& lists, const std::vector<std::string>& channels) {
   using Place = std::tuple<float, float, const LayeredImage*, int>;  // y, x, list, row
   std::vector<Place> places;

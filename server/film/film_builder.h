@@ -36,7 +36,8 @@ class TileSums {
 /// not depend on the order of the tiles, nor on the parts a frame is assembled in.
 /// Threads: safe concurrently for different tiles; call Take() after all tiles.
 ///
-/// Channels: for each layer of layers::kHalved the mean of all samples and of each half; layers::kWhole; of layers that
+/// Channels: for each layer of layers::kHalved the mean of all samples and of each half; layers::kWhole; of
+/// layers that
 ///         the units do not have D, I, T and E are 0, G and S are absent. The
 ///         sample counts; the channels of geometry units. The same for each level, where D and I are means
 ///         over the samples that reached the level, T and E are means over all samples of the pixel, and a
@@ -76,8 +77,8 @@ class FilmBuilder {
   std::vector<LayeredImage> fragments_ ABSL_GUARDED_BY(mutex_);
 };
 
-/// The channels of the fragments of a film of units of this model: as in its pixels, light that the units do not have is
-/// 0, and G and S are absent. None if the units have no fragments.
+/// The channels of the fragments of a film of units of this model: as in its pixels, light that the units do
+/// not have is 0, and G and S are absent. None if the units have no fragments.
 std::vector<std::string> FilmFragmentChannels(const UnitModel& model);
 
 }  // namespace lumifold::film

@@ -15,10 +15,10 @@
 
 namespace lumifold::film {
 
-/// The rows of a picture's planes, as bytes of float32: of a picture in memory, or of one in the pieces in which it
-/// arrived. Copies no pixels, except rows that are not float32 or cut by the end of a piece, several rows at once of a plane in
-/// memory, and a plane that is compressed: the last such plane is kept decoded, so rows of one plane are read one after another. The picture must outlive
-/// it.
+/// The rows of a picture's planes, as bytes of float32: of a picture in memory, or of one in the pieces in
+/// which it arrived. Copies no pixels, except rows that are not float32 or cut by the end of a piece, several
+/// rows at once of a plane in memory, and a plane that is compressed: the last such plane is kept decoded, so
+/// rows of one plane are read one after another. The picture must outlive it.
 /// Threads: one at a time.
 class PlaneRows {
  public:
@@ -32,14 +32,14 @@ class PlaneRows {
   /// Number of the plane with this name.
   std::optional<size_t> Find(std::string_view name) const;
 
-  /// Number of rows from the top after which all rows of the plane are equal to the first: 1 of a plane that is
-  /// encoded as constant, so that its cost does not grow with its size.
+  /// Number of rows from the top after which all rows of the plane are equal to the first: 1 of a plane that
+  /// is encoded as constant, so that its cost does not grow with its size.
   int DistinctRows(size_t plane) const;
 
   /// The values of a row; valid until the next call. 0 in a plane that cannot be decompressed, see status().
   std::string_view Row(size_t plane, int y) { return Rows(plane, y, 1); }
-  /// The same of `count` rows one after another, all of them among the distinct ones: a call for each row of a list, which may
-  /// have one value, takes more time than what is done with it.
+  /// The same of `count` rows one after another, all of them among the distinct ones: a call for each row of
+  /// a list, which may have one value, takes more time than what is done with it.
   std::string_view Rows(size_t plane, int y, int count);
 
   /// kInvalidArgument naming the first plane that Row found not to be decompressible.

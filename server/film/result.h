@@ -27,9 +27,9 @@ struct ResultInfo {
 
 /// Makes the result of a frame, or some rows of it: `filtered` as R G B, coverage A, the layers noisy,
 /// direct, indirect, albedo and emission, reflection1 (C - (D + I) T - E, not filtered), N, Z, distance.Z and
-/// id.Y. With Cryptomatte also its layers. With save_film also all other channels of the film, its edges and its fragments, so that it
-/// can be filtered again.
-/// Moves the planes of `film`, which is the output of UnitFilm::Read; `filtered` has the same size.
+/// id.Y. With Cryptomatte also its layers. With save_film also all other channels of the film, its edges and
+/// its fragments, so that it can be filtered again. Moves the planes of `film`, which is the output of
+/// UnitFilm::Read; `filtered` has the same size.
 EdgedImage BuildResult(EdgedImage film, std::array<Plane, 3> filtered, const ResultInfo& info);
 
 }  // namespace lumifold::film

@@ -12,7 +12,8 @@
 namespace lumifold::film {
 
 /// Writes the result of a frame (see BuildResult) in bands of rows, from the top down.
-/// Errors: those of ExrRowWriter; with save_film, where the fragments are counted, also those of UnitFilm::Read.
+/// Errors: those of ExrRowWriter; with save_film, where the fragments are counted, also those of
+/// UnitFilm::Read.
 /// Threads: one at a time.
 class ResultWriter {
  public:

@@ -9,7 +9,8 @@
 
 namespace lumifold::film {
 
-/// The fragments of the passes of one tile, summed by pixel and surface, in double and in the order of the passes.
+/// The fragments of the passes of one tile, summed by pixel and surface, in double and in the order of the
+/// passes.
 /// Threads: one at a time.
 class TileFragments {
  public:
@@ -19,7 +20,8 @@ class TileFragments {
   /// Number of fragments.
   int64_t rows() const { return static_cast<int64_t>(places_.size()); }
 
-  /// The means as EdgedImage::fragments of a film, with `channels`; of those that the passes do not have they are 0.
+  /// The means as EdgedImage::fragments of a film, with `channels`; of those that the passes do not have they
+  /// are 0.
   LayeredImage Means(const std::vector<std::string>& channels) const;
 
  private:

@@ -12,8 +12,8 @@
 
 namespace lumifold::film {
 
-/// The pixels of a delivered unit and its list, in the pieces in which they arrived: the edge set of a geometry unit, the
-/// fragments of a pass. A unit without a list has one without pieces.
+/// The pixels of a delivered unit and its list, in the pieces in which they arrived: the edge set of a
+/// geometry unit, the fragments of a pass. A unit without a list has one without pieces.
 struct DeliveredPixels {
   rpc::ReceivedPicture pixels;
   rpc::ReceivedPicture edges;
@@ -21,8 +21,8 @@ struct DeliveredPixels {
   uint64_t values_checksum = 0;
 };
 
-/// Collects the pieces of a delivered unit and checks its layout and values in place, so that only a unit that
-/// can be assembled is committed.
+/// Collects the pieces of a delivered unit and checks its layout and values in place, so that only a unit
+/// that can be assembled is committed.
 /// Threads: one at a time.
 class UnitAssembler {
  public:
@@ -31,7 +31,8 @@ class UnitAssembler {
 
   /// Adds the next piece; one that is moved in is not copied.
   /// Errors: those of rpc::PixelAssembler, CheckUnitLayout, CheckUnitValues, CheckEdges, CheckFragments and
-  /// CheckFragmentCounts; kInvalidArgument for a list that is not allowed here. After an error the unit is unusable.
+  /// CheckFragmentCounts; kInvalidArgument for a list that is not allowed here. After an error the unit is
+  /// unusable.
   absl::Status Add(v1::UnitChunk chunk);
 
   /// True after the last piece.

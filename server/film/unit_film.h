@@ -35,8 +35,8 @@ class UnitFilm final : public FilmSource {
   static absl::StatusOr<UnitFilm> Open(const v1::JobSpec& spec, int32_t frame, const UnitSource* units,
                                        TaskPool* pool, const FilmRounds& rounds = {});
 
-  /// The film of a frame that is not finished: of the units for which `has` is true. Where a tile has no pass, the sample
-  /// counts and all its layers are 0; where it has no geometry unit, its features are.
+  /// The film of a frame that is not finished: of the units for which `has` is true. Where a tile has no
+  /// pass, the sample counts and all its layers are 0; where it has no geometry unit, its features are.
   static absl::StatusOr<UnitFilm> OpenUnfinished(const v1::JobSpec& spec, int32_t frame,
                                                  const UnitSource* units,
                                                  std::function<bool(const job::UnitKey&)> has,
@@ -57,7 +57,8 @@ class UnitFilm final : public FilmSource {
   /// an earlier row where the band would take more than 512 MiB.
   int BandEnd(int y) const;
 
-  /// Errors: those of the units, CheckUnitLayout, CheckEdges and CheckFragments; that of the first tile where several fail.
+  /// Errors: those of the units, CheckUnitLayout, CheckEdges and CheckFragments; that of the first tile where
+  /// several fail.
   absl::StatusOr<EdgedImage> Read(const Rect& rect) override;
 
  private:

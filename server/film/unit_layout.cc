@@ -71,8 +71,8 @@ LevelSet LevelsIn(v1::UnitKind kind, const NameSet& names) {
   return levels;
 }
 
-/// Whether one of kCount values is NaN or infinite: its exponent has all bits set. The count is a constant, so
-/// that the compiler vectorises the loop.
+/// Whether one of kCount values is NaN or infinite: its exponent has all bits set. The count is a constant,
+/// so that the compiler vectorises the loop.
 template <size_t kCount>
 bool HasNotFinite(const char* values) {
   constexpr uint32_t kExponent = 0x7f800000;
@@ -116,7 +116,8 @@ void AddRepeatedly(std::string_view row, int times, rpc::RunningChecksum* checks
         std::string_view(rows).substr(0, row.size() * static_cast<size_t>(std::min(at_once, left))));
 }
 
-/// The first such value of a picture; nullopt if all are finite. Adds the values before it to `checksum`, which may be null.
+/// The first such value of a picture; nullopt if all are finite. Adds the values before it to `checksum`,
+/// which may be null.
 /// Errors: that of PlaneRows::status.
 absl::StatusOr<std::optional<NotFinite>> FindNotFinite(PlaneRows& planes, rpc::RunningChecksum* checksum) {
   const int at_once = std::max(1, kValuesAtOnce / planes.width());
@@ -159,8 +160,8 @@ struct CountLimits {
   uint32_t At(int x, int y) const { return SamplesOfHalf(samples.At(x, y), half); }
 };
 
-/// Checks the sample counts of pixels [begin, end) of a row, which have one limit. Returns their sum; nullopt if one is not
-/// valid.
+/// Checks the sample counts of pixels [begin, end) of a row, which have one limit. Returns their sum; nullopt
+/// if one is not valid.
 std::optional<int64_t> SumOfRun(std::string_view row, int begin, int end, uint32_t most) {
   const auto limit = static_cast<float>(most);
   int64_t sum = 0;

@@ -56,15 +56,17 @@ struct RecordPlace {
 class UnitLog {
  public:
   /// Opens the log at `path`, or creates it, for appending after its first `committed_bytes`, the bytes whose
-  /// units have ledger rows. Bytes beyond them are truncated: whoever opens a log of an earlier run first scans
-  /// it for records that the ledger does not know. `files` must outlive the log.
+  /// units have ledger rows. Bytes beyond them are truncated: whoever opens a log of an earlier run first
+  /// scans it for records that the ledger does not know. `files` must outlive the log.
   /// Errors: kDataLoss where the file is shorter; kUnavailable with the system's message. Both name the file.
   static absl::StatusOr<UnitLog> Open(const std::string& path, uint64_t committed_bytes,
                                       FileSystem* files = PrivateFileSystem());
 
   /// Writes a record at the end; it is durable after the next Sync. After an error the next record overwrites
-  /// it. After an error of Sync nothing that was written since the last one may be believed: open the log again.
-  /// Errors of both: kDataLoss where the disk cannot write this file (EIO); kUnavailable with the system's message.
+  /// it. After an error of Sync nothing that was written since the last one may be believed: open the log
+  /// again.
+  /// Errors of both: kDataLoss where the disk cannot write this file (EIO); kUnavailable with the system's
+  /// message.
   absl::StatusOr<RecordPlace> Append(const EncodedUnit& unit);
 
   /// Waits until all records are on the disk (fdatasync).
@@ -109,7 +111,8 @@ class UnitLogReader {
   absl::StatusOr<RecordPlace> PlaceAt(uint64_t offset) const;
   /// The record at `offset` if it is undamaged. Errors: kDataLoss otherwise, and as Read().
   absl::StatusOr<StoredUnit> ReadRecordAt(uint64_t offset, RecordPlace* place) const;
-  /// The first offset from `offset` on that has the first bytes of a record; the size of the file if there is none.
+  /// The first offset from `offset` on that has the first bytes of a record; the size of the file if there is
+  /// none.
   absl::StatusOr<uint64_t> FindMagic(uint64_t offset) const;
 
   std::string path_;

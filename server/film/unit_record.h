@@ -29,8 +29,8 @@ static_assert(sizeof(RecordPreamble) == 40, "no padding");
 /// The header_checksum of a record with this preamble and header.
 uint64_t HeaderChecksum(const RecordPreamble& preamble, std::string_view header);
 
-/// A delivered unit in the form of its record, ready to be written: nothing is left to be encoded. The payload is
-/// in the pieces in which it arrived.
+/// A delivered unit in the form of its record, ready to be written: nothing is left to be encoded. The
+/// payload is in the pieces in which it arrived.
 struct EncodedUnit {
   job::UnitRef unit;
   job::Attempt attempt;

@@ -16,8 +16,8 @@
 namespace lumifold::server {
 namespace {
 
-/// The rounds follow from the estimates by job::FrameSampling: where it decides otherwise than before, records of before
-/// would name other units than those committed, and the version is to be incremented.
+/// The rounds follow from the estimates by job::FrameSampling: where it decides otherwise than before,
+/// records of before would name other units than those committed, and the version is to be incremented.
 constexpr rpc::CheckedFileType kRoundsFile = {"LFRB", "the record of rounds", int64_t{1} << 30};
 
 absl::StatusOr<v1::RoundEstimates> ReadEstimates(const std::string& path) {
@@ -76,9 +76,9 @@ Estimating EstimatingFor(const v1::JobSpec& spec) {
   return {filter::FilterPurpose::kEstimate, 1.5};
 }
 
-/// Mean samples per pixel of a frame that fit the job's time, if samples go on being made as fast as those of all frames
-/// so far, a sample of the frame costs what it cost up to the round, every frame gets the same part of the time, and the
-/// result takes `filtering`; 0 without a time.
+/// Mean samples per pixel of a frame that fit the job's time, if samples go on being made as fast as those of
+/// all frames so far, a sample of the frame costs what it cost up to the round, every frame gets the same
+/// part of the time, and the result takes `filtering`; 0 without a time.
 double BudgetOf(const RoundToEstimate& what, const v1::JobSpec& spec, const job::FrameRounds& rounds,
                 absl::Span<const double> costs, absl::Duration filtering) {
   if (spec.adaptive().time_seconds() == 0) return 0;

@@ -14,8 +14,8 @@
 
 namespace lumifold::server {
 
-/// The rounds of a frame of a job with adaptive sampling, as its record has them; those before the first estimate if there is
-/// no record. `spec` is normalised.
+/// The rounds of a frame of a job with adaptive sampling, as its record has them; those before the first
+/// estimate if there is no record. `spec` is normalised.
 /// Errors: kDataLoss where the record is damaged; kUnavailable. Both name the file.
 absl::StatusOr<job::FrameRounds> ReadRounds(const DataFolder& folder, const job::JobId& job,
                                             const v1::JobSpec& spec, int32_t frame);
@@ -32,12 +32,14 @@ struct RoundToEstimate {
   int64_t samples = 0;
 };
 
-/// Estimates the error of a frame's filtered picture once a round is committed, from the units of this round and those
-/// before it alone, and adds the estimate to the frame's record; for a job with a time also the budget that follows from
-/// `rendered`, `samples` and the time of filtering. A repeated call writes the same estimate, and nothing where the record has it.
-/// Durable once it returns OK. Returns the time of each stage, measured with `now`.
+/// Estimates the error of a frame's filtered picture once a round is committed, from the units of this round
+/// and those before it alone, and adds the estimate to the frame's record; for a job with a time also the
+/// budget that follows from `rendered`, `samples` and the time of filtering. A repeated call writes the same
+/// estimate, and nothing where the record has it. Durable once it returns OK. Returns the time of each stage,
+/// measured with `now`.
 /// Memory: two films and pictures.
-/// Errors: as FinishFrame; then nothing has been written; kFailedPrecondition for a round whose turn it is not.
+/// Errors: as FinishFrame; then nothing has been written; kFailedPrecondition for a round whose turn it is
+/// not.
 /// Threads: safe for different frames; the estimate does not depend on `pool`, which may be null.
 absl::StatusOr<v1::FrameReport> EstimateRound(const DataFolder& folder, ledger::JobStore& store,
                                               const RoundToEstimate& what, TaskPool* pool,

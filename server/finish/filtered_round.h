@@ -20,7 +20,8 @@ struct FilteredRound {
   FilteredPicture filtered;
 };
 
-/// Filters a frame after `round`, whose units are committed. `pool` may be null; the result does not depend on it.
+/// Filters a frame after `round`, whose units are committed. `pool` may be null; the result does not depend
+/// on it.
 /// Errors: those of UnitFilm and FilterFilmWithDeviation.
 absl::StatusOr<FilteredRound> FilterRound(const v1::JobSpec& spec, int32_t frame,
                                           const job::FrameRounds& rounds, int round,

@@ -17,7 +17,8 @@ namespace lumifold::server {
 /// written in bands of rows, so that memory holds one block, not the film. A repeated call writes the same
 /// bytes. Returns the time of each stage, measured with `now`.
 /// Errors: kNotFound for an unknown job; kDataLoss naming the damaged or missing record; those of the filter;
-/// kUnavailable for a disk error; kAborted where the job has another owner by the end: then the result is not replaced.
+/// kUnavailable for a disk error; kAborted where the job has another owner by the end: then the result is not
+/// replaced.
 /// Threads: safe for different frames; the file does not depend on `pool`, which may be null.
 absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::JobStore& store,
                                             const ledger::OwnedJob& job, int32_t frame, TaskPool* pool,

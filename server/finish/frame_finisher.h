@@ -17,7 +17,8 @@
 namespace lumifold::server {
 
 /// Runs FinishFrame and EstimateRound.
-/// Threads: Finish and Estimate from one thread at a time, so that at most one child process runs; the others from any.
+/// Threads: Finish and Estimate from one thread at a time, so that at most one child process runs; the others
+/// from any.
 class FrameFinisher {
  public:
   virtual ~FrameFinisher() = default;
@@ -42,9 +43,9 @@ class FrameFinisher {
 std::unique_ptr<FrameFinisher> MakeInProcessFinisher(const DataFolder& folder, ledger::JobStore* store,
                                                      int threads, std::function<absl::Time()> now);
 
-/// Whether finishing a frame failed for a cause that may go away: the process was killed, or there was no memory.
-/// kUnavailable, a disk or machine without space, descriptors or processes, is no failure of the frame at all: it is
-/// waited for. Other errors would come again.
+/// Whether finishing a frame failed for a cause that may go away: the process was killed, or there was no
+/// memory. kUnavailable, a disk or machine without space, descriptors or processes, is no failure of the
+/// frame at all: it is waited for. Other errors would come again.
 bool IsWorthRetrying(const absl::Status& status);
 
 /// Finishes each frame in a child process. Errors of Finish: also those of ChildProcess::Run.

@@ -28,12 +28,13 @@ struct HopelessJob {
 struct Settled {
   /// All jobs that they waited for are done; in the order in which the jobs were added.
   std::vector<JobId> released;
-  /// Jobs that wait for one that did not end well, jobs that wait for those, and so on; a job comes after the one
-  /// that is its reason.
+  /// Jobs that wait for one that did not end well, jobs that wait for those, and so on; a job comes after the
+  /// one that is its reason.
   std::vector<HopelessJob> hopeless;
 };
 
-/// Jobs that wait until other jobs are done (v1::Scheduling.after). Pure state, a function of the calls so far.
+/// Jobs that wait until other jobs are done (v1::Scheduling.after). Pure state, a function of the calls so
+/// far.
 ///
 /// Cycles cannot occur: a job names jobs that were submitted before it, and its list never changes.
 /// Time: O(log n) for each job that a call names or returns and for each job that waits for one of them.

@@ -9,8 +9,8 @@
 
 namespace lumifold::job {
 
-/// The frames of a job: first_frame and frame_count of its spec, and more_frames. A frame has a number, which the
-/// scene's animation sees, and an index from 0 in ascending order of the numbers.
+/// The frames of a job: first_frame and frame_count of its spec, and more_frames. A frame has a number, which
+/// the scene's animation sees, and an index from 0 in ascending order of the numbers.
 /// Threads: safe.
 class FrameList {
  public:

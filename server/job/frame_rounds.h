@@ -16,9 +16,9 @@
 
 namespace lumifold::job {
 
-/// The rounds of a frame of a job with adaptive sampling, as far as they are decided: round r is pass r of every tile that
-/// gets samples in it. A function of the spec and of the estimates, so that whoever reads the record of the estimates knows
-/// every unit of the frame.
+/// The rounds of a frame of a job with adaptive sampling, as far as they are decided: round r is pass r of
+/// every tile that gets samples in it. A function of the spec and of the estimates, so that whoever reads the
+/// record of the estimates knows every unit of the frame.
 /// Threads: safe concurrently; it does not change.
 class FrameRounds {
  public:

@@ -14,16 +14,17 @@ namespace {
 
 constexpr float kDecline = metrics::kErrorDecline;
 
-/// Samples of a block are proportional to this power of its error over its cost. 1 / (1 + kDecline) = 0.57 would be best if
-/// errors were known, and if a block's samples served no other. Three scenes err less by 1 to 4 % with 0.45.
+/// Samples of a block are proportional to this power of its error over its cost. 1 / (1 + kDecline) = 0.57
+/// would be best if errors were known, and if a block's samples served no other. Three scenes err less by 1
+/// to 4 % with 0.45.
 constexpr float kSpread = 0.45f;
 
 /// Of the first uniform round: part of the budget, one in; at least so many.
 constexpr double kFirstPart = 32;
 constexpr double kLeastFirstSamples = 16;
-/// Parts of the budget at the end of the second uniform round, which is estimated, and of the third, which is under way
-/// meanwhile. Half of both: noisier estimates, 2 % more error in two of three scenes, and workers that wait. A fifth more or
-/// less of the third: up to 1 % more or less error; workers wait where it is less.
+/// Parts of the budget at the end of the second uniform round, which is estimated, and of the third, which is
+/// under way meanwhile. Half of both: noisier estimates, 2 % more error in two of three scenes, and workers
+/// that wait. A fifth more or less of the third: up to 1 % more or less error; workers wait where it is less.
 constexpr double kSecondPart = 3.0 / 16;
 constexpr double kThirdPart = 5.0 / 16;
 /// Below this nothing is left to decide after the uniform rounds.
@@ -87,8 +88,8 @@ double FrameSampling::CostOfOne(absl::Span<const double> costs) const {
 }
 
 double FrameSampling::SavedByEstimate(double samples) const {
-  // Samples that are off by the factor exp(d) err like 1 - (1 + decline) / 2 d^2 of them; d is kSpread times what the
-  // logarithm of the amplitude is off by, whose variance falls with the number of estimates.
+  // Samples that are off by the factor exp(d) err like 1 - (1 + decline) / 2 d^2 of them; d is kSpread times
+  // what the logarithm of the amplitude is off by, whose variance falls with the number of estimates.
   const double lost = (1 + kDecline) / 2 * kSpread * kSpread * metrics::kLogVarianceOfDrawnBlock;
   return samples * lost / (learned_ * (learned_ + 1.0));
 }

@@ -20,10 +20,10 @@ inline constexpr double kDefaultFramesPerSecond = 24;
 /// Sets the samples of passes, and those of pass 0, which is seen early, unless they are set.
 void SetPassSamples(int pass_samples, v1::JobSpec* spec);
 
-/// Checks a spec and fills in frames_per_second and the filter's method where they are 0 or empty, and, unless the job
-/// needs a plan (server/job/plan.h), tile_size and the samples of passes. A job that models everything gets its plan. The result
-/// determines every bit of the picture; the scheduler takes normalised specs only.
-/// The name of the method and the checksums of the assets are not checked here.
+/// Checks a spec and fills in frames_per_second and the filter's method where they are 0 or empty, and,
+/// unless the job needs a plan (server/job/plan.h), tile_size and the samples of passes. A job that models
+/// everything gets its plan. The result determines every bit of the picture; the scheduler takes normalised
+/// specs only. The name of the method and the checksums of the assets are not checked here.
 /// Errors: kInvalidArgument naming the field, its value and the allowed range (server/job/limits.h).
 absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec);
 

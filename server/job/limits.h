@@ -3,11 +3,12 @@
 #include <cstddef>
 #include <cstdint>
 
-/// Limits of a submission and of what is kept of a job, in one place. NormaliseJobSpec checks those of a spec.
+/// Limits of a submission and of what is kept of a job, in one place. NormaliseJobSpec checks those of a
+/// spec.
 namespace lumifold::job {
 
-/// Picture: edge length, samples of a pixel, and camera samples of all frames together (they are counted in 64
-/// bits).
+/// Picture: edge length, samples of a pixel, and camera samples of all frames together (they are counted in
+/// 64 bits).
 inline constexpr int kMaxEdge = 16384;
 inline constexpr int kMaxSamples = 1 << 20;
 inline constexpr int64_t kMaxJobSamples = int64_t{1} << 60;
@@ -19,7 +20,8 @@ inline constexpr float kMaxPixelFilterWidth = 8;
 /// Pixels of a picture with adaptive sampling: each estimate filters the whole of it in memory.
 inline constexpr int64_t kMaxAdaptivePixels = int64_t{1} << 22;
 
-/// Units: edge length of a tile, units of a frame, frames of a job. The scheduler's tables are sized for them.
+/// Units: edge length of a tile, units of a frame, frames of a job. The scheduler's tables are sized for
+/// them.
 inline constexpr int kMinTileSize = 8;
 inline constexpr int kMaxTileSize = 512;
 inline constexpr int64_t kMaxUnitsPerFrame = int64_t{1} << 27;
@@ -40,12 +42,12 @@ inline constexpr int kMaxPrerequisites = 64;
 inline constexpr size_t kMaxNameBytes = 255;
 inline constexpr size_t kMaxRequestIdBytes = 128;
 
-/// Bytes of a whole normalised spec: what a message of rpc::kMaxMessageBytes (4 MiB) holds beside a submission's
-/// other fields.
+/// Bytes of a whole normalised spec: what a message of rpc::kMaxMessageBytes (4 MiB) holds beside a
+/// submission's other fields.
 inline constexpr size_t kMaxSpecBytes = (size_t{4} << 20) - (size_t{128} << 10);
 
-/// Decisions that a submission may force, and bytes of one. Bytes of a plan, of which most are the order of tiles, and of
-/// a text in it.
+/// Decisions that a submission may force, and bytes of one. Bytes of a plan, of which most are the order of
+/// tiles, and of a text in it.
 inline constexpr int kMaxForced = 32;
 inline constexpr size_t kMaxForcedBytes = 64;
 inline constexpr size_t kMaxPlanBytes = size_t{64} << 10;

@@ -14,18 +14,20 @@ bool NeedsPlan(const v1::JobSpec& spec);
 /// The spec of the job's first frame alone: what a plan unit is of.
 v1::JobSpec FirstFrameOf(v1::JobSpec spec);
 
-/// The plan of a job that models everything, with the decisions that it forces. `spec` has tile size and pass samples.
+/// The plan of a job that models everything, with the decisions that it forces. `spec` has tile size and pass
+/// samples.
 /// Errors: those of decisions::ParseForced.
 absl::StatusOr<v1::Plan> FullPlan(const v1::JobSpec& spec);
 
-/// The spec of a planned job: with the plan, and with its tile size and pass samples where those of `spec` are 0.
-/// `spec` is normalised and needs a plan.
-/// Errors: kInvalidArgument naming what is wrong with the plan: a decision is missing or out of order, a value is out of
-/// range or is not the one that the job forces, a text or the plan is too long, a number is negative or not finite, or
-/// tile_order is not an order of the tiles.
+/// The spec of a planned job: with the plan, and with its tile size and pass samples where those of `spec`
+/// are 0. `spec` is normalised and needs a plan.
+/// Errors: kInvalidArgument naming what is wrong with the plan: a decision is missing or out of order, a
+/// value is out of range or is not the one that the job forces, a text or the plan is too long, a number is
+/// negative or not finite, or tile_order is not an order of the tiles.
 absl::StatusOr<v1::JobSpec> PlannedSpec(const v1::JobSpec& spec, const v1::Plan& plan);
 
-/// Checks that the order of tiles of a spec, whose plan, sizes and samples are valid, has each tile of a frame once, or none.
+/// Checks that the order of tiles of a spec, whose plan, sizes and samples are valid, has each tile of a
+/// frame once, or none.
 /// Errors: kInvalidArgument.
 absl::Status CheckTileOrder(const v1::JobSpec& spec);
 

@@ -34,22 +34,22 @@ struct ReopenedJob {
   std::vector<int32_t> finished;
 };
 
-/// Which frames of a job become unfinished and which of their units are kept. All ways to continue a job are this one
-/// mechanism: its spec may change, frames are reopened, and the units that still fit are kept.
+/// Which frames of a job become unfinished and which of their units are kept. All ways to continue a job are
+/// this one mechanism: its spec may change, frames are reopened, and the units that still fit are kept.
 class ReopenPlan {
  public:
-  /// Nothing named, on a job that failed or was cancelled: it goes on where it was. Nothing named, on a job that is
-  /// done: all of it is rendered again. A request that is already met, and a request without parts on an active job,
-  /// change nothing.
-  /// Errors: kInvalidArgument for fewer samples than the job has, for a frame that it does not have, for a region
-  /// outside the picture, and for a spec that exceeds a limit.
+  /// Nothing named, on a job that failed or was cancelled: it goes on where it was. Nothing named, on a job
+  /// that is done: all of it is rendered again. A request that is already met, and a request without parts on
+  /// an active job, change nothing.
+  /// Errors: kInvalidArgument for fewer samples than the job has, for a frame that it does not have, for a
+  /// region outside the picture, and for a spec that exceeds a limit.
   static absl::StatusOr<ReopenPlan> Make(const ReopenedJob& job, const ReopenRequest& request);
 
   bool ChangesNothing() const { return frames_.empty(); }
   /// The spec from now on.
   const v1::JobSpec& spec() const { return spec_; }
-  /// Frames that are not finished from now on, ascending: those that the request names and those that were not
-  /// finished.
+  /// Frames that are not finished from now on, ascending: those that the request names and those that were
+  /// not finished.
   const std::vector<int32_t>& frames() const { return frames_; }
   /// Frames among them that make no sense without their units: the request wants to keep what they have.
   const std::vector<int32_t>& frames_that_need_film() const { return need_film_; }

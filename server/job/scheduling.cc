@@ -8,7 +8,8 @@
 namespace lumifold::job {
 namespace {
 
-/// As of workers: rpc::kMaxTags, rpc::kMaxTagBytes and rpc::kMaxWorkerNameBytes, which this library does not use.
+/// As of workers: rpc::kMaxTags, rpc::kMaxTagBytes and rpc::kMaxWorkerNameBytes, which this library does not
+/// use.
 constexpr int kMaxTags = 32;
 constexpr size_t kMaxTagBytes = 64;
 constexpr size_t kMaxClassBytes = 256;

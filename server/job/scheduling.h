@@ -21,8 +21,8 @@ inline constexpr char kAnonymous[] = "anonymous";
 /// Errors: kInvalidArgument.
 absl::Status CheckPriority(int32_t priority);
 
-/// Checks how a job is scheduled, and fills in the user where it is empty. Whether the jobs that it waits for exist is
-/// not checked here.
+/// Checks how a job is scheduled, and fills in the user where it is empty. Whether the jobs that it waits for
+/// exist is not checked here.
 /// Errors: kInvalidArgument naming the field, its value and the allowed range.
 absl::StatusOr<v1::Scheduling> NormaliseScheduling(v1::Scheduling scheduling);
 

@@ -22,8 +22,8 @@ class TileGrid {
   int count() const { return columns_ * rows_; }
   /// The pixels of a tile in [0, count()).
   Rect RectOf(int tile) const;
-  /// The tiles in a spiral of squares around the centre. Both are O(log tiles) and inverses of each other over
-  /// [0, count()).
+  /// The tiles in a spiral of squares around the centre. Both are O(log tiles) and inverses of each other
+  /// over [0, count()).
   int RankOf(int tile) const;
   int TileOfRank(int rank) const;
   /// The tiles that have pixels inside `rect`, in ascending order. `rect` lies within the frame and is not
@@ -57,12 +57,13 @@ class TileGrid {
 /// Rounds that a frame with adaptive sampling has at most: they double its samples from the fourth on.
 inline constexpr int kMaxRounds = 24;
 
-/// The units that a frame may have, numbered in the order in which they are leased: the geometry and pass 0 of one tile
-/// after another, in the order of TileGrid::RankOf, so that a preview soon shows the whole picture, its middle first; then
-/// pass 1 of every tile and so on, so that an unfinished frame has about the same number of samples everywhere. From
-/// pass 1 on the tiles are in the plan's order, if it has one: the costliest first, so that no worker waits for a costly tile
-/// at the end. With adaptive sampling a frame has some of these units only, and FrameRounds knows which and their samples.
-/// A job that needs a plan has one unit, its plan unit, whose tile is the whole frame.
+/// The units that a frame may have, numbered in the order in which they are leased: the geometry and pass 0
+/// of one tile after another, in the order of TileGrid::RankOf, so that a preview soon shows the whole
+/// picture, its middle first; then pass 1 of every tile and so on, so that an unfinished frame has about the
+/// same number of samples everywhere. From pass 1 on the tiles are in the plan's order, if it has one: the
+/// costliest first, so that no worker waits for a costly tile at the end. With adaptive sampling a frame has
+/// some of these units only, and FrameRounds knows which and their samples. A job that needs a plan has one
+/// unit, its plan unit, whose tile is the whole frame.
 class FrameUnits {
  public:
   /// `spec` is normalised (server/job/job_spec.h).

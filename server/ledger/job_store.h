@@ -128,13 +128,13 @@ struct BlockedWorker {
   friend bool operator==(const BlockedWorker&, const BlockedWorker&) = default;
 };
 
-/// The durable record of jobs and of committed units. The effect of a call survives any crash once the call has
-/// returned OK; a call that returns an error has no effect, except that after kUnavailable it may have one. Every
-/// call can be repeated with the same arguments.
+/// The durable record of jobs and of committed units. The effect of a call survives any crash once the call
+/// has returned OK; a call that returns an error has no effect, except that after kUnavailable it may have
+/// one. Every call can be repeated with the same arguments.
 ///
-/// Owners. Several coordinators may use one store. A job belongs to one of them at a time: the epoch of its owner
-/// is in its row, and a call that writes to the job names the epoch. If it is not that of the row, the caller has
-/// lost the job.
+/// Owners. Several coordinators may use one store. A job belongs to one of them at a time: the epoch of its
+/// owner is in its row, and a call that writes to the job names the epoch. If it is not that of the row, the
+/// caller has lost the job.
 ///
 /// Errors, unless stated otherwise:
 ///   kUnavailable        with its cause: the storage is full, busy, out of memory or not connected, or it failed to
@@ -153,11 +153,12 @@ class JobStore {
   /// Draws the next epoch, which is above all epochs that were drawn before, and above `floor`.
   virtual absl::StatusOr<Epoch> NewEpoch(Epoch floor = {}) = 0;
 
-  /// Records a job and returns its id, or the id of the job that is already recorded with the same request id.
+  /// Records a job and returns its id, or the id of the job that is already recorded with the same request
+  /// id.
   /// Errors: kAlreadyExists where the recorded request has another spec or scheduling, or the id is taken.
   virtual absl::StatusOr<job::JobId> CreateJob(const NewJob& job) = 0;
-  /// The id that CreateJob would return because the request is recorded; nullopt where it is not. The id of `job` does
-  /// not count.
+  /// The id that CreateJob would return because the request is recorded; nullopt where it is not. The id of
+  /// `job` does not count.
   /// Errors: as CreateJob for a request id of another spec or scheduling.
   virtual absl::StatusOr<std::optional<job::JobId>> FindRequest(const NewJob& job) = 0;
   /// Makes `owner` the owner of all jobs that have not ended, and returns them.
@@ -169,10 +170,10 @@ class JobStore {
 
   /// Commits units of several jobs in one transaction. Each job's part is recorded wholly or not at all; the
   /// outcomes are in the order of `commits`: OK; kAlreadyExists naming a unit that is committed with another
-  /// attempt or place, or whose frame is recorded; kAborted for another epoch than the job's, or for an attempt of
-  /// another epoch; kNotFound; kFailedPrecondition. A unit that is already committed with the same attempt and place
-  /// is not recorded again, so that a commit whose outcome is not known can be repeated.
-  /// An error of the call itself: nothing is recorded.
+  /// attempt or place, or whose frame is recorded; kAborted for another epoch than the job's, or for an
+  /// attempt of another epoch; kNotFound; kFailedPrecondition. A unit that is already committed with the same
+  /// attempt and place is not recorded again, so that a commit whose outcome is not known can be repeated. An
+  /// error of the call itself: nothing is recorded.
   virtual absl::StatusOr<std::vector<absl::Status>> CommitUnits(absl::Span<const JobCommit> commits) = 0;
   /// Takes back units of a job whose records cannot be read, in one transaction: their rows go, and the job's
   /// counts are reduced by what the rows state. No effect for a unit that is not committed.
@@ -182,22 +183,23 @@ class JobStore {
   virtual absl::Status ForEachUnit(const job::JobId& job, std::optional<int32_t> frame,
                                    absl::FunctionRef<void(const UnitRecord&)> visit) = 0;
 
-  /// Records that a frame's result is written, and adds `times` to those of the job. The frame's units are no longer
-  /// visited; PurgeUnits deletes their rows. No effect for a frame that is already recorded.
+  /// Records that a frame's result is written, and adds `times` to those of the job. The frame's units are no
+  /// longer visited; PurgeUnits deletes their rows. No effect for a frame that is already recorded.
   virtual absl::Status RecordFrame(const OwnedJob& job, int32_t frame, const v1::FrameReport& report) = 0;
   /// Recorded frames of a job, in ascending order.
   virtual absl::StatusOr<std::vector<int32_t>> FinishedFrames(const job::JobId& job) = 0;
-  /// Ends a job. Its units are no longer visited, and PurgeUnits deletes their rows; its counts stay. No effect on a
-  /// job that has ended.
+  /// Ends a job. Its units are no longer visited, and PurgeUnits deletes their rows; its counts stay. No
+  /// effect on a job that has ended.
   virtual absl::Status EndJob(const OwnedJob& job, v1::JobState state, const std::string& error) = 0;
-  /// Makes a job active with this spec, where `frames` are not recorded and have no units; the counts of the job are
-  /// those of its other frames. If nothing of the job is left, it has no numeric class. A job that has ended becomes
-  /// that of `owner`; one that has not must already be.
+  /// Makes a job active with this spec, where `frames` are not recorded and have no units; the counts of the
+  /// job are those of its other frames. If nothing of the job is left, it has no numeric class. A job that
+  /// has ended becomes that of `owner`; one that has not must already be.
   /// Errors: kAborted also where the job that has ended belonged to a later epoch.
   virtual absl::Status ReopenFrames(const job::JobId& job, const Owner& owner, const v1::JobSpec& spec,
                                     absl::Span<const int32_t> frames) = 0;
   virtual absl::Status SetScheduling(const OwnedJob& job, const v1::Scheduling& scheduling) = 0;
-  /// Gives a job its plan: `planned` replaces its spec. A request with the spec that was submitted still finds the job.
+  /// Gives a job its plan: `planned` replaces its spec. A request with the spec that was submitted still
+  /// finds the job.
   virtual absl::Status SetPlan(const OwnedJob& job, const v1::JobSpec& planned) = 0;
   /// Deletes a job that has ended. Its id and its request id are free again.
   virtual absl::Status DeleteJob(const job::JobId& job) = 0;
@@ -215,8 +217,9 @@ class JobStore {
 /// The error of a caller that has lost a job to another owner: kAborted naming both epochs.
 absl::Status OtherOwner(const job::JobId& job, Epoch owner, Epoch caller);
 
-/// Looks whether the caller still owns the job, before it writes what the store does not hold: a file of a folder that
-/// several coordinators share. The file can still be late by the time between the look and the write.
+/// Looks whether the caller still owns the job, before it writes what the store does not hold: a file of a
+/// folder that several coordinators share. The file can still be late by the time between the look and the
+/// write.
 /// Errors: kAborted; kNotFound.
 absl::Status CheckOwner(JobStore& store, const OwnedJob& job);
 

@@ -25,8 +25,9 @@ struct OwnedJob {
   Epoch epoch;
 };
 
-/// An attempt is its epoch and, in the lower bits, the number of the lease within the epoch. 2^40 leases last 17 years
-/// at 2000 leases/s; 2^23 epochs are left for restarts. With 32 bits an epoch would be full after 25 days.
+/// An attempt is its epoch and, in the lower bits, the number of the lease within the epoch. 2^40 leases last
+/// 17 years at 2000 leases/s; 2^23 epochs are left for restarts. With 32 bits an epoch would be full after 25
+/// days.
 inline constexpr int kAttemptBits = 40;
 
 /// The first attempt of an epoch, for SchedulerOptions::first_attempt: above those of all earlier epochs.

@@ -37,9 +37,10 @@ constexpr SqlDialect kDialect = {
     .clustered = "",
 };
 
-/// For each connection. A server that stops answering is given up, and so is a coordinator that is stopped or cut off
-/// within a transaction: its locks, which would keep its successor out, are gone about when it is taken for dead. The
-/// server finds out by keepalives that the rest of a pipeline will not come. An acknowledged commit is on its disk.
+/// For each connection. A server that stops answering is given up, and so is a coordinator that is stopped or
+/// cut off within a transaction: its locks, which would keep its successor out, are gone about when it is
+/// taken for dead. The server finds out by keepalives that the rest of a pipeline will not come. An
+/// acknowledged commit is on its disk.
 constexpr char kSettings[] = R"(
 SET statement_timeout = '60s';
 SET lock_timeout = '20s';
@@ -112,7 +113,8 @@ absl::StatusCode CodeOf(std::string_view sqlstate) {
   if (sqlstate == "23505") return absl::StatusCode::kAlreadyExists;
   if (sqlstate == "XX001" || sqlstate == "XX002") return absl::StatusCode::kDataLoss;
   if (sqlstate == "22021") return absl::StatusCode::kInvalidArgument;  // text that is not UTF-8
-  // Connection, login, rolled back for another transaction, resources, locks, shutdown, input and output, read-only.
+  // Connection, login, rolled back for another transaction, resources, locks, shutdown, input and output,
+  // read-only.
   for (const std::string_view group : {"08", "28", "40", "53", "55", "57", "58", "25006"}) {
     if (sqlstate.starts_with(group)) return absl::StatusCode::kUnavailable;
   }
@@ -285,7 +287,8 @@ absl::Status PostgresConnection::RunPipeline(const std::string& name, absl::Span
     return status;
   }
   for (size_t i = 0; status.ok() && i < batch.size(); ++i) status = Receive(first + i, visit);
-  // After an error the server skips the rest of the pipeline; its results are taken up to the synchronisation.
+  // After an error the server skips the rest of the pipeline; its results are taken up to the
+  // synchronisation.
   bool is_synchronised = false;
   while (!is_synchronised && !IsLost()) {
     const Result result(PQgetResult(connection_.get()));
@@ -315,7 +318,8 @@ absl::Status PostgresConnection::RunChecked(const std::string& sql, absl::Span<c
     return status;
   };
   const absl::Status status = run();
-  // A server that was restarted ends idle connections. Outside of transactions we run only what can be repeated.
+  // A server that was restarted ends idle connections. Outside of transactions we run only what can be
+  // repeated.
   const bool can_repeat = absl::IsUnavailable(status) && IsLost() && !in_transaction() && !is_answered;
   return can_repeat ? run() : status;
 }

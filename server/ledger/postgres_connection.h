@@ -11,9 +11,9 @@ struct pg_result;
 
 namespace lumifold::ledger {
 
-/// A connection to a PostgreSQL database. It is opened again when it is lost: the call that finds it lost returns
-/// kUnavailable, unless nothing of the call can have happened. Statements are prepared once a connection; a batch is
-/// one pipeline. No error has the password.
+/// A connection to a PostgreSQL database. It is opened again when it is lost: the call that finds it lost
+/// returns kUnavailable, unless nothing of the call can have happened. Statements are prepared once a
+/// connection; a batch is one pipeline. No error has the password.
 class PostgresConnection final : public SqlConnection {
  public:
   /// `conninfo` is a URI or a list of keywords, as libpq takes them.

@@ -33,11 +33,11 @@ struct AdoptedJob {
   bool has_ended = false;
 };
 
-/// The coordinators that share a job store. A job belongs to the epoch in its row; a member may take the jobs of epochs
-/// that are no members any more, and from then on the store refuses what the earlier owner writes.
+/// The coordinators that share a job store. A job belongs to the epoch in its row; a member may take the jobs
+/// of epochs that are no members any more, and from then on the store refuses what the earlier owner writes.
 ///
-/// Who is dead is decided by the members, each by its own clock (cluster::LeaseWatch); what counts is the row. A member
-/// that was expelled in error has lost its jobs, but nothing that was acknowledged.
+/// Who is dead is decided by the members, each by its own clock (cluster::LeaseWatch); what counts is the
+/// row. A member that was expelled in error has lost its jobs, but nothing that was acknowledged.
 ///
 /// Errors of all calls: those of JobStore's storage. Every call can be repeated.
 /// Threads: one at a time. It has a connection of its own, so that a renewal does not wait for commits.
@@ -53,11 +53,13 @@ class Roster {
   virtual absl::Status Leave(Epoch epoch) = 0;
   /// Removes a member unless it has renewed since `renewals` was read. True if this call has removed it.
   virtual absl::StatusOr<bool> Expel(Epoch epoch, int64_t renewals) = 0;
-  /// Makes a member the owner of all jobs, those that have ended too, that no member owns. Errors: kAborted as Renew.
+  /// Makes a member the owner of all jobs, those that have ended too, that no member owns. Errors: kAborted
+  /// as Renew.
   virtual absl::StatusOr<std::vector<AdoptedJob>> AdoptOrphans(const Owner& owner) = 0;
 };
 
-/// The roster of a PostgreSQL database that a JobStore has been opened in. Errors: those of OpenPostgresJobStore.
+/// The roster of a PostgreSQL database that a JobStore has been opened in. Errors: those of
+/// OpenPostgresJobStore.
 absl::StatusOr<std::unique_ptr<Roster>> OpenPostgresRoster(const std::string& conninfo);
 
 }  // namespace lumifold::ledger

@@ -10,8 +10,8 @@
 
 namespace lumifold::ledger {
 
-/// JobStore::CommitUnits within a transaction. All statements of one kind are one batch, so that the number of round
-/// trips to a database server does not depend on the number of jobs and units.
+/// JobStore::CommitUnits within a transaction. All statements of one kind are one batch, so that the number
+/// of round trips to a database server does not depend on the number of jobs and units.
 absl::StatusOr<std::vector<absl::Status>> CommitJobs(SqlConnection& db, absl::Span<const JobCommit> commits);
 
 }  // namespace lumifold::ledger

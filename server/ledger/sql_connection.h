@@ -32,7 +32,8 @@ class SqlRow {
   double Real();
   std::string Text();
   std::string Bytes();
-  /// False once a column had another type than was asked for, or was NULL; the value read was then 0 or empty.
+  /// False once a column had another type than was asked for, or was NULL; the value read was then 0 or
+  /// empty.
   bool is_readable() const { return is_readable_; }
 
  private:
@@ -73,8 +74,9 @@ class SqlConnection {
   virtual ~SqlConnection() = default;
   virtual const SqlDialect& dialect() const = 0;
 
-  /// Runs a statement once for each set of parameters, in order, and visits the rows of the results. Stops at the first
-  /// error. Rows may have been visited when an error is returned. `visit` must not use the connection.
+  /// Runs a statement once for each set of parameters, in order, and visits the rows of the results. Stops at
+  /// the first error. Rows may have been visited when an error is returned. `visit` must not use the
+  /// connection.
   /// Errors: also kInvalidArgument for a text with a NUL character, which not every database can store.
   absl::Status RunBatch(const std::string& sql, absl::Span<const SqlParams> batch, Visit visit);
   /// Runs statements that have neither parameters nor results.

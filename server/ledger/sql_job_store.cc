@@ -172,7 +172,8 @@ absl::Status SqlJobStore::EndJob(const OwnedJob& job, v1::JobState state, const 
 absl::Status SqlJobStore::ReopenFrames(const JobId& job, const Owner& owner, const v1::JobSpec& spec,
                                        absl::Span<const int32_t> frames) {
   return ChangeJob(job, [&](SqlConnection& db, const LockedJob& row) {
-    // A job that has ended belongs to nobody; but a coordinator of an earlier epoch would repeat its attempts.
+    // A job that has ended belongs to nobody; but a coordinator of an earlier epoch would repeat its
+    // attempts.
     const bool is_owned = row.has_ended ? row.epoch <= owner.epoch : row.epoch == owner.epoch;
     return is_owned ? ReopenJob(db, row.number, owner, spec, frames)
                     : OtherOwner(job, row.epoch, owner.epoch);

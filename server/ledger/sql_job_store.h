@@ -7,8 +7,8 @@
 
 namespace lumifold::ledger {
 
-/// A JobStore in a database whose schema is prepared (PrepareSchema). Reads have a connection of their own, so that
-/// they do not wait for writes.
+/// A JobStore in a database whose schema is prepared (PrepareSchema). Reads have a connection of their own,
+/// so that they do not wait for writes.
 std::unique_ptr<JobStore> MakeSqlJobStore(std::unique_ptr<SqlConnection> writer,
                                           std::unique_ptr<SqlConnection> reader);
 

@@ -11,8 +11,8 @@
 
 namespace lumifold::ledger {
 
-/// A spec as stored: without the dependencies of its scene, and a JobSpec that has only them. The spec is what both
-/// parse to, one after the other.
+/// A spec as stored: without the dependencies of its scene, and a JobSpec that has only them. The spec is
+/// what both parse to, one after the other.
 struct SpecBytes {
   std::string spec;
   std::string files;
@@ -30,7 +30,8 @@ struct JobRow {
   absl::Status damage;
 };
 
-/// Runs "SELECT ... FROM jobs" with the columns of a JobRow and `condition`, with or without the files of the specs.
+/// Runs "SELECT ... FROM jobs" with the columns of a JobRow and `condition`, with or without the files of the
+/// specs.
 absl::StatusOr<std::vector<JobRow>> QueryJobs(SqlConnection& db, bool with_files,
                                               const std::string& condition, const SqlParams& params);
 

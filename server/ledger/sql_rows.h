@@ -12,8 +12,8 @@
 #include "server/ledger/job_store.h"
 #include "server/ledger/sql_connection.h"
 
-// The statements of a JobStore, without locks and transactions. `job` is the number of a job's row. Those that write
-// run within a transaction that has locked the job.
+// The statements of a JobStore, without locks and transactions. `job` is the number of a job's row. Those
+// that write run within a transaction that has locked the job.
 
 namespace lumifold::ledger {
 

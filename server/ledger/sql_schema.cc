@@ -13,9 +13,10 @@ namespace {
 
 constexpr int64_t kSchemaVersion = 5;
 
-// Times are milliseconds since 1970; 0 means "not yet". A film is what is rendered of a frame: a frame that is rendered
-// again has a new film, and the units of the old one are garbage. The key of units has the order in which a film is
-// assembled. jobs.files, which may have megabytes, is the last column, so that lists need not read past it.
+// Times are milliseconds since 1970; 0 means "not yet". A film is what is rendered of a frame: a frame that
+// is rendered again has a new film, and the units of the old one are garbage. The key of units has the order
+// in which a film is assembled. jobs.files, which may have megabytes, is the last column, so that lists need
+// not read past it.
 constexpr char kSchema[] = R"(
 CREATE TABLE epochs(last BIGINT NOT NULL);
 INSERT INTO epochs(last) VALUES(0);
@@ -106,10 +107,12 @@ CREATE INDEX jobs_by_epoch ON jobs(epoch);
 /// Maximum number of characters of a warning that is taken over: schema 1 had no limits.
 constexpr int kMaxTakenLine = 512;
 
-/// Above the epochs of attempts up to the year 2112: those of schemas 1 and 2 began at the microseconds since 1970.
+/// Above the epochs of attempts up to the year 2112: those of schemas 1 and 2 began at the microseconds since
+/// 1970.
 constexpr int64_t kEpochFloorOfOldAttempts = 4096;
 
-// Only SQLite has had schemas 1 and 2. Units of recorded frames and of jobs that have ended are not taken over.
+// Only SQLite has had schemas 1 and 2. Units of recorded frames and of jobs that have ended are not taken
+// over.
 constexpr char kSetOldTablesAside[] = R"(
 ALTER TABLE jobs RENAME TO old_jobs;
 ALTER TABLE units RENAME TO old_units;

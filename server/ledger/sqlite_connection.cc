@@ -14,7 +14,8 @@ namespace {
 constexpr int kBusyTimeoutMs = 10'000;
 
 constexpr SqlDialect kDialect = {
-    // Takes the write lock at once: a transaction that took it later could find that what it has read has changed.
+    // Takes the write lock at once: a transaction that took it later could find that what it has read has
+    // changed.
     .begin = "BEGIN IMMEDIATE",
     .for_update = "",
     .blob = "BLOB",

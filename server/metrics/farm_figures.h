@@ -40,8 +40,8 @@ struct FarmFigures {
   uint64_t disk_room_bytes = 0;  // of them, those that uploads and films may take
 };
 
-/// A source of metrics that calls `figures`, from the endpoint's thread, whenever it is asked. Each state has a sample,
-/// zero or not, so that a sum over them never has a gap.
+/// A source of metrics that calls `figures`, from the endpoint's thread, whenever it is asked. Each state has
+/// a sample, zero or not, so that a sum over them never has a gap.
 std::shared_ptr<prometheus::Collectable> MakeFarmMetrics(std::function<FarmFigures()> figures);
 
 }  // namespace lumifold::monitoring

@@ -6,7 +6,8 @@
 namespace lumifold::monitoring {
 namespace {
 
-/// Upper bounds in seconds: a ledger on a local disk takes milliseconds; after 5 s leases of 30 s are in danger.
+/// Upper bounds in seconds: a ledger on a local disk takes milliseconds; after 5 s leases of 30 s are in
+/// danger.
 const prometheus::Histogram::BucketBoundaries kCommitBounds = {0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1,
                                                                0.25,  0.5,    1,     2.5,  5,     10};
 /// From a preview to a large frame with all layers.

@@ -9,7 +9,8 @@
 namespace lumifold::server {
 namespace {
 
-/// Workers ping every rpc::kQuickKeepAlive, clients seldom; connections that ping faster than this are closed.
+/// Workers ping every rpc::kQuickKeepAlive, clients seldom; connections that ping faster than this are
+/// closed.
 constexpr int kMinPingIntervalMs = 1'000;
 constexpr int kKeepAliveMs = 20'000;
 constexpr int kKeepAliveTimeoutMs = 10'000;

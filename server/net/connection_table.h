@@ -33,8 +33,9 @@ std::optional<Peer> PeerOf(absl::string_view name);
 /// Tells a socket from an earlier one with the same number; 0 for a descriptor that is closed.
 ino_t InodeOf(int socket);
 
-/// The open connections of each network. Who owns a socket does not tell when it closes it, so that those of a network
-/// that has reached its limit are looked at: a socket is still the same while its descriptor has the same inode.
+/// The open connections of each network. Who owns a socket does not tell when it closes it, so that those of
+/// a network that has reached its limit are looked at: a socket is still the same while its descriptor has
+/// the same inode.
 /// Threads: one at a time.
 class ConnectionTable {
  public:

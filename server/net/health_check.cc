@@ -12,7 +12,8 @@ namespace lumifold::server {
 namespace {
 
 constexpr char kCheck[] = "/grpc.health.v1.Health/Check";
-/// HealthCheckResponse with `status: SERVING`, encoded. Debian's gRPC does not install the generated code of the service.
+/// HealthCheckResponse with `status: SERVING`, encoded. Debian's gRPC does not install the generated code of
+/// the service.
 constexpr char kServing[] = "\x08\x01";
 
 }  // namespace

@@ -11,8 +11,8 @@ namespace lumifold::server {
 struct HealthCheckOptions {
   std::string address;  // HOST:PORT of a coordinator
   rpc::Security security = {};
-  /// Also content with a coordinator that answers but does not serve, because its storage cannot be written or it is
-  /// stopping.
+  /// Also content with a coordinator that answers but does not serve, because its storage cannot be written
+  /// or it is stopping.
   bool answers_only = false;
   absl::Duration timeout = absl::Seconds(5);
 };

@@ -183,7 +183,8 @@ bool ListenerImpl::TakeOrders() {
 
 void ListenerImpl::CloseAndShutOut(const Peer& peer) {
   ShutOutNetwork(peer.network);
-  // Its owner may close it in this moment, and the number may be another connection's: that one would be opened again.
+  // Its owner may close it in this moment, and the number may be another connection's: that one would be
+  // opened again.
   if (const std::optional<int> socket = table_.Find(peer)) shutdown(*socket, SHUT_RDWR);
 }
 

@@ -25,8 +25,8 @@ struct ListenerOptions {
   int connections = 16'384;
   /// Time from the connection to its first bytes.
   absl::Duration first_bytes = absl::Seconds(10);
-  /// Connections of an address that are of no use, because the listener closes them or they end before a call: so many a
-  /// second, and at once. Then the address is shut out.
+  /// Connections of an address that are of no use, because the listener closes them or they end before a
+  /// call: so many a second, and at once. Then the address is shut out.
   double refusals_per_second = 10;
   double refusal_burst = 100;
   /// How long an address that was shut out opens no new connection.
@@ -36,9 +36,10 @@ struct ListenerOptions {
   std::shared_ptr<spdlog::logger> log = nullptr;
 };
 
-/// Accepts connections, and hands on those that begin as they should and are not too many of one address. gRPC's own
-/// listener does not count by address. The others are closed and logged, at most ten lines a second; an address with too
-/// many connections of no use is shut out for a while: the kernel drops its packets, where it can.
+/// Accepts connections, and hands on those that begin as they should and are not too many of one address.
+/// gRPC's own listener does not count by address. The others are closed and logged, at most ten lines a
+/// second; an address with too many connections of no use is shut out for a while: the kernel drops its
+/// packets, where it can.
 /// Threads: has one of its own; safe.
 class Listener {
  public:
@@ -49,13 +50,15 @@ class Listener {
   virtual ~Listener() = default;
 
   virtual int port() const = 0;
-  /// `take` becomes the owner of a connected socket, which does not block; it is called on the listener's thread.
+  /// `take` becomes the owner of a connected socket, which does not block; it is called on the listener's
+  /// thread.
   virtual void Start(std::function<void(int socket)> take) = 0;
-  /// Closes the connection of this name, as in grpc::ServerContext::peer, and for ListenerOptions::shut_out all new ones
-  /// of its address, unread. The address's other connections stay: they may be those of workers. No effect on names that
-  /// are not of IP. Returns at once.
+  /// Closes the connection of this name, as in grpc::ServerContext::peer, and for ListenerOptions::shut_out
+  /// all new ones of its address, unread. The address's other connections stay: they may be those of workers.
+  /// No effect on names that are not of IP. Returns at once.
   virtual void ShutOut(absl::string_view peer) = 0;
-  /// A call was admitted on the connection of this name, as above. Those that end before one are refused connections, too.
+  /// A call was admitted on the connection of this name, as above. Those that end before one are refused
+  /// connections, too.
   virtual void NoteCall(absl::string_view peer) = 0;
   /// Closes the door; connections that were handed on stay. After it returns `take` is not called again.
   virtual void Stop() = 0;

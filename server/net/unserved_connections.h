@@ -13,8 +13,9 @@
 
 namespace lumifold::server {
 
-/// The connections that were handed on, of which no call was admitted yet. One that ends so was of no use, whatever the
-/// reason: a broken frame, a message too large, a handshake that fails. gRPC ends those itself and tells nobody.
+/// The connections that were handed on, of which no call was admitted yet. One that ends so was of no use,
+/// whatever the reason: a broken frame, a message too large, a handshake that fails. gRPC ends those itself
+/// and tells nobody.
 /// Threads: NoteCall any, the others one at a time.
 class UnservedConnections {
  public:

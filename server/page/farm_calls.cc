@@ -21,7 +21,8 @@ using google::protobuf::Message;
 
 constexpr absl::Duration kCallTime = absl::Seconds(30);
 
-/// The calls that the page makes, and whether they are about one job and change nothing: those a session for one job may make.
+/// The calls that the page makes, and whether they are about one job and change nothing: those a session for
+/// one job may make.
 const std::map<std::string_view, bool>& PageCalls() {
   static const auto& calls = *new std::map<std::string_view, bool>{
       {"AddSamples", false}, {"BlockWorker", false}, {"CancelJob", false},      {"DrainWorker", false},

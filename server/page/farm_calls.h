@@ -16,15 +16,16 @@ class Message;
 
 namespace lumifold::page {
 
-/// Calls of FarmService in the name of the owner of a session, as any client makes them: they pass the same gate.
+/// Calls of FarmService in the name of the owner of a session, as any client makes them: they pass the same
+/// gate.
 /// Threads: safe; calls block.
 class FarmCalls {
  public:
   /// `channel`: to the coordinator within the process.
   explicit FarmCalls(std::shared_ptr<grpc::Channel> channel) : channel_(std::move(channel)) {}
 
-  /// Makes a unary call that the page may make, see farm_calls.cc, with a request and an answer in JSON: with the names of the
-  /// fields in the protocol, all of them.
+  /// Makes a unary call that the page may make, see farm_calls.cc, with a request and an answer in JSON: with
+  /// the names of the fields in the protocol, all of them.
   /// Errors: kNotFound for another call; kInvalidArgument for what is no request; those of the call.
   absl::StatusOr<std::string> CallInJson(const v1::PageSession& session, const std::string& method,
                                          const std::string& request) const;

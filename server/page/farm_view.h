@@ -18,7 +18,8 @@ namespace lumifold::page {
 
 class FarmCalls;
 
-/// What one session sees of the farm, as events of JSON. Each part has the number of the look at which it last changed.
+/// What one session sees of the farm, as events of JSON. Each part has the number of the look at which it
+/// last changed.
 struct FarmLook {
   struct Part {
     std::string json;
@@ -33,7 +34,8 @@ struct FarmLook {
   std::map<std::string, Part> jobs;
 };
 
-/// The events that bring a viewer from the look that it has, 0 for none, to this one: text of an event stream.
+/// The events that bring a viewer from the look that it has, 0 for none, to this one: text of an event
+/// stream.
 std::string EventsSince(uint64_t has, const FarmLook& look);
 
 struct FarmViewOptions {
@@ -43,15 +45,16 @@ struct FarmViewOptions {
   double duty = 0.02;
 };
 
-/// Looks at the farm for all who watch with the same session, once for all of them and only while somebody does.
+/// Looks at the farm for all who watch with the same session, once for all of them and only while somebody
+/// does.
 /// Threads: safe.
 class FarmView {
  public:
   /// `calls` must outlive it.
   FarmView(const FarmCalls* calls, FarmViewOptions options) : calls_(*calls), options_(options) {}
 
-  /// The last look, or a new one where that is old enough. Blocks while one is made. Calls that fail are in its status; what
-  /// they would have said is as before.
+  /// The last look, or a new one where that is old enough. Blocks while one is made. Calls that fail are in
+  /// its status; what they would have said is as before.
   std::shared_ptr<const FarmLook> Look(const v1::PageSession& session);
 
  private:

@@ -9,8 +9,8 @@
 
 namespace lumifold::page {
 
-/// Makes and opens the sessions of links to the page. A session is sealed with a secret that browsers do not have; nothing is kept of
-/// it, so that every coordinator with the secret knows it.
+/// Makes and opens the sessions of links to the page. A session is sealed with a secret that browsers do not
+/// have; nothing is kept of it, so that every coordinator with the secret knows it.
 /// Threads: safe.
 class SessionSeal {
  public:

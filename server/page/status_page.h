@@ -34,12 +34,13 @@ struct StatusPageOptions {
   int viewers = 128;
 };
 
-/// The status page: static files, and an interface in JSON for them, see docs/page.md. All it does it asks the coordinator for, as
-/// a client does, in the name of whoever made the link.
+/// The status page: static files, and an interface in JSON for them, see docs/page.md. All it does it asks
+/// the coordinator for, as a client does, in the name of whoever made the link.
 /// Threads: safe; it has its own.
 class StatusPage {
  public:
-  /// Errors: kInvalidArgument for the address; kUnavailable where it cannot listen there or use the certificate.
+  /// Errors: kInvalidArgument for the address; kUnavailable where it cannot listen there or use the
+  /// certificate.
   static absl::StatusOr<std::unique_ptr<StatusPage>> Start(StatusPageOptions options);
   virtual ~StatusPage() = default;
   /// Ends all connections. Later calls have no effect.

@@ -72,7 +72,8 @@ double MeanOf(const Plane& plane) {
   return sum / (static_cast<double>(plane.width()) * plane.height());
 }
 
-/// By how much a film of few samples is reduced, so that its pixels that have any have kPreviewSamples of them on average.
+/// By how much a film of few samples is reduced, so that its pixels that have any have kPreviewSamples of
+/// them on average.
 int ExtraReduction(const LayeredImage& film) {
   const Plane samples = SamplesOf(film, 1);
   double sum = 0;
@@ -285,12 +286,12 @@ absl::StatusOr<v1::Preview> PreviewOfUnits(const Unfinished& of, const Rect& reg
 
 absl::StatusOr<std::string> PreviewAsChild(const ChildTask& task) {
   int32_t frame = 0;
-  PreviewWish wish;
+  PreviewRequest request;
   if (task.arguments.size() != 4 || !absl::SimpleAtoi(task.arguments[1], &frame))
     return absl::InvalidArgumentError("make-preview: only the coordinator starts this command");
-  wish.region = rpc::ParseRect(task.arguments[2]).value_or(Rect{});
+  request.region = rpc::ParseRect(task.arguments[2]).value_or(Rect{});
   const absl::StatusOr<v1::Preview> preview =
-      MakePreview(task.folder, task.store, job::JobId(task.arguments[0]), frame, wish, task.pool);
+      MakePreview(task.folder, task.store, job::JobId(task.arguments[0]), frame, request, task.pool);
   if (!preview.ok()) return preview.status();
   return preview->SerializeAsString();
 }
@@ -298,18 +299,18 @@ absl::StatusOr<std::string> PreviewAsChild(const ChildTask& task) {
 }  // namespace
 
 absl::StatusOr<v1::Preview> MakePreview(const DataFolder& folder, ledger::JobStore& store,
-                                        const job::JobId& job, int32_t frame, const PreviewWish& wish,
+                                        const job::JobId& job, int32_t frame, const PreviewRequest& request,
                                         TaskPool* pool) {
   const absl::StatusOr<ledger::JobRecord> record = store.GetJob(job);
   if (!record.ok()) return record.status();
   const absl::StatusOr<std::vector<int32_t>> finished = store.FinishedFrames(job);
   if (!finished.ok()) return finished.status();
   if (std::binary_search(finished->begin(), finished->end(), frame))
-    return PreviewOfResult(folder, *record, frame, wish.region);
+    return PreviewOfResult(folder, *record, frame, request.region);
   const absl::StatusOr<CommittedUnits> units = CommittedUnits::Open(folder, store, *record, frame);
   if (!units.ok()) return units.status();
   if (units->count() == 0) return absl::OutOfRangeError("no unit of the frame is committed yet");
-  return PreviewOfUnits({record->spec, frame, *units, pool}, wish.region);
+  return PreviewOfUnits({record->spec, frame, *units, pool}, request.region);
 }
 
 absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::string& layer) {
@@ -338,11 +339,13 @@ absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::st
 }
 
 absl::StatusOr<v1::Preview> RunMakePreview(ChildProcess* process, const DataFolder& folder,
-                                           const job::JobId& job, int32_t frame, const PreviewWish& wish) {
+                                           const job::JobId& job, int32_t frame,
+                                           const PreviewRequest& request) {
   const std::string task = absl::StrCat("the preview of frame ", frame);
   const absl::StatusOr<std::string> answer = process->Run(
       kMakePreviewCommand, folder.root(),
-      {job.value(), absl::StrCat(frame), rpc::RectText(wish.region), wish.urgent ? kUrgent : ""}, job, task);
+      {job.value(), absl::StrCat(frame), rpc::RectText(request.region), request.urgent ? kUrgent : ""}, job,
+      task);
   if (!answer.ok()) return answer.status();
   v1::Preview preview;
   if (!preview.ParseFromString(*answer))

@@ -120,24 +120,24 @@ void PreviewMaker::Renew(const Key& key) {
   absl::Status error = units.status();
   const absl::Time start = rpc::MonotonicNow();
   bool is_due = false;
-  PreviewWish wish;
-  wish.region = {key.region[0], key.region[1], key.region[2], key.region[3]};
+  PreviewRequest request;
+  request.region = {key.region[0], key.region[1], key.region[2], key.region[3]};
   {
     absl::MutexLock lock(&mutex_);
     const Frame& frame = frames_.at(key);
     Frame& whole = WholeOf(key);
     whole.begun = std::min(whole.begun, start);
-    wish.urgent = IsUrgent(whole, start);
+    request.urgent = IsUrgent(whole, start);
     is_due = units.ok() && *units != frame.made_of && (start >= frame.next || *units == kFinishedUnits);
   }
   if (is_due) {
-    absl::StatusOr<v1::Preview> made = options_.make(key.job, key.frame, wish);
+    absl::StatusOr<v1::Preview> made = options_.make(key.job, key.frame, request);
     const absl::Time end = rpc::MonotonicNow();
     absl::MutexLock lock(&mutex_);
     Frame& frame = frames_.at(key);
     if (!absl::IsInvalidArgument(made.status())) frame.made_of = *units;  // so that the next one is told, too
     Frame& whole = WholeOf(key);
-    if (wish.urgent) whole.urgent += end - start;
+    if (request.urgent) whole.urgent += end - start;
     frame.next = start + options_.interval;
     if (!IsUrgent(whole, end))
       frame.next = std::max(frame.next, end + (end - start) * (1 / options_.duty - 1));

@@ -23,18 +23,21 @@ namespace lumifold::server {
 
 struct PreviewOptions {
   /// Makes the preview of a frame; blocks. kOutOfRange: there is nothing to see yet.
-  std::function<absl::StatusOr<v1::Preview>(const job::JobId& job, int32_t frame, const PreviewWish& wish)>
+  std::function<absl::StatusOr<v1::Preview>(const job::JobId& job, int32_t frame,
+                                            const PreviewRequest& request)>
       make;
   /// Stops a `make` that runs, and all later ones.
   std::function<void()> cancel = [] {};
-  /// Units of the job that are committed, or kFinishedUnits where the frame is finished. A preview is made again when it
-  /// changes. Errors: kNotFound for the job or frame; kFailedPrecondition where the job has ended without the frame.
+  /// Units of the job that are committed, or kFinishedUnits where the frame is finished. A preview is made
+  /// again when it changes. Errors: kNotFound for the job or frame; kFailedPrecondition where the job has
+  /// ended without the frame.
   std::function<absl::StatusOr<int64_t>(const job::JobId& job, int32_t frame)> count_units;
-  /// Share of time that is spent on the previews of a frame that are not urgent, so that viewers cost the farm little. That of
-  /// a finished frame is made at once.
+  /// Share of time that is spent on the previews of a frame that are not urgent, so that viewers cost the
+  /// farm little. That of a finished frame is made at once.
   double duty = 0.15;
-  /// Previews of a frame are urgent as long as they have taken less time than this, and this share of the time since the first
-  /// one began: those who wait for a picture soon see one, and those who look for hours take what is idle.
+  /// Previews of a frame are urgent as long as they have taken less time than this, and this share of the
+  /// time since the first one began: those who wait for a picture soon see one, and those who look for hours
+  /// take what is idle.
   absl::Duration urgent_time = absl::Seconds(2);
   double urgent_share = 0.005;
   /// Between the starts of two previews of a frame, at least.
@@ -46,8 +49,8 @@ struct PreviewOptions {
   size_t frames = 16;
 };
 
-/// Makes previews for those who ask, one at a time, and keeps the last one of each frame and region: however many look at it, it
-/// is made once.
+/// Makes previews for those who ask, one at a time, and keeps the last one of each frame and region: however
+/// many look at it, it is made once.
 /// Threads: safe; it has two of its own. Answers are called on them or on the caller's thread.
 class PreviewMaker {
  public:

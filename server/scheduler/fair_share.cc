@@ -11,8 +11,8 @@ namespace {
 /// A priority that is ten higher doubles the share.
 constexpr double kPrioritiesPerOctave = 10;
 
-/// Usage by which an account may be ahead of the virtual time: more than what locality allows, or a worker would
-/// never leave a job of low weight.
+/// Usage by which an account may be ahead of the virtual time: more than what locality allows, or a worker
+/// would never leave a job of low weight.
 constexpr double kMaxAheadSeconds = 2 * FairShare::kSlotSeconds;
 
 }  // namespace

@@ -13,13 +13,14 @@ namespace lumifold::scheduler {
 
 /// Fair sharing of slots by weight, at two levels: users, then the jobs of a user.
 ///
-/// A job's weight is 2^(priority / 10), a user's is that of its highest job. The next lease goes to the ready user
-/// with the least key, and there to the ready job with the least; key = (held * kSlotTime + usage) / weight, where
-/// `held` counts leases and `usage` is the slot time of leases that have ended.
+/// A job's weight is 2^(priority / 10), a user's is that of its highest job. The next lease goes to the ready
+/// user with the least key, and there to the ready job with the least; key = (held * kSlotTime + usage) /
+/// weight, where `held` counts leases and `usage` is the slot time of leases that have ended.
 ///
-/// The first term divides the slots of the moment. The second one keeps weights where slots are fewer than users, and
-/// is bounded: usage per weight stays close to the virtual time, that of the user (or job) that was first last, so that nobody
-/// pays later for slots that were idle, and nobody saves up time by being idle.
+/// The first term divides the slots of the moment. The second one keeps weights where slots are fewer than
+/// users, and is bounded: usage per weight stays close to the virtual time, that of the user (or job) that
+/// was first last, so that nobody pays later for slots that were idle, and nobody saves up time by being
+/// idle.
 ///
 /// Time: O(log n) for each call unless it says otherwise, n counts users and jobs.
 /// Threads: one at a time.
@@ -50,7 +51,8 @@ class FairShare {
     }
   };
 
-  /// By how much a user or job may be ahead of its share: by a number of slots, or by a part of those it holds.
+  /// By how much a user or job may be ahead of its share: by a number of slots, or by a part of those it
+  /// holds.
   struct Tolerance {
     double slots = 1;
     double user_part = 0.05;
@@ -75,7 +77,8 @@ class FairShare {
   std::optional<Candidate> First(Queue& queue, const std::set<int64_t>& passed);
   /// The job that has waited longest, and since when; nullopt for an empty queue.
   static std::optional<std::pair<absl::Time, int64_t>> LongestWaiting(const Queue& queue);
-  /// Whether the job, which is ready, and its user are within the tolerance of their shares, if `first` would be next.
+  /// Whether the job, which is ready, and its user are within the tolerance of their shares, if `first` would
+  /// be next.
   bool IsNear(int64_t job, const Candidate& first, const Tolerance& tolerance) const;
   /// The queue of the job; null for none.
   const Queue* QueueOf(int64_t job) const { return jobs_.at(job).queue; }
@@ -109,7 +112,8 @@ class FairShare {
   };
 
   static double WeightOf(int priority);
-  /// An ended lease is charged, but no account gets further ahead of the virtual time than it could get with this one.
+  /// An ended lease is charged, but no account gets further ahead of the virtual time than it could get with
+  /// this one.
   static void Charge(double seconds, double virtual_time, Account* account);
   /// False for an account that is not behind the virtual time by more than a slot.
   static bool Lift(double virtual_time, double slack, Account* account);

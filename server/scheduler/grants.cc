@@ -17,8 +17,8 @@ namespace {
 /// the time of a call; such a unit waits for another worker anyway.
 constexpr int kMaxSkipped = 64;
 
-/// One of this many leases may go to the job that has waited longest, see SchedulerOptions::longest_wait: with
-/// more waiting jobs than the farm can serve, the others must not get the order of a queue.
+/// One of this many leases may go to the job that has waited longest, see SchedulerOptions::longest_wait:
+/// with more waiting jobs than the farm can serve, the others must not get the order of a queue.
 constexpr int64_t kGrantsPerWaiting = 8;
 
 }  // namespace

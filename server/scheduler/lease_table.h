@@ -34,8 +34,8 @@ struct Lease {
   bool received = false;  // the worker has said so
   int64_t progress = 0;   // as the worker reported it last
   absl::Time progressed;  // when it last changed
-  /// When to check whether the unit is late, and then whether it is overdue; InfiniteFuture if that is not known, or
-  /// is_overdue.
+  /// When to check whether the unit is late, and then whether it is overdue; InfiniteFuture if that is not
+  /// known, or is_overdue.
   absl::Time check = absl::InfiniteFuture();
   bool is_late = false;
   absl::Time expected_end{};  // of a late lease, when it became late

@@ -1,5 +1,5 @@
-// Frames with adaptive sampling: the units of their first rounds are leased in order, those of later rounds become free
-// when they are decided.
+// Frames with adaptive sampling: the units of their first rounds are leased in order, those of later rounds
+// become free when they are decided.
 #include <algorithm>
 #include <utility>
 

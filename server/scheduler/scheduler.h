@@ -32,32 +32,34 @@ namespace lumifold::scheduler {
 /// the calls so far, so that a test can replay any history. Holds active jobs only.
 ///
 /// A unit is free, leased, accepted (delivered, not yet committed) or committed. Only a free, late or overdue
-/// unit is leased, or one that the worker has in hand (see Regrant); only a leased unit is accepted, only an accepted unit
-/// is committed; accepted and committed units never become free again unless RevokeUnit says so. This is the exactly-once
-/// promise. A unit has up to two leases, of different workers; the other one becomes void when the unit is accepted.
+/// unit is leased, or one that the worker has in hand (see Regrant); only a leased unit is accepted, only an
+/// accepted unit is committed; accepted and committed units never become free again unless RevokeUnit says
+/// so. This is the exactly-once promise. A unit has up to two leases, of different workers; the other one
+/// becomes void when the unit is accepted.
 ///
-/// Plan: a job that needs one (server/job/plan.h) has one unit, its plan unit, until SetPlan divides it into the units of
-/// its frames. Loss, failure and quarantine hold for it as for any unit; it is not audited.
+/// Plan: a job that needs one (server/job/plan.h) has one unit, its plan unit, until SetPlan divides it into
+/// the units of its frames. Loss, failure and quarantine hold for it as for any unit; it is not audited.
 ///
-/// Numeric class: all units of a job are of one class, that of its first accepted unit unless its options name
-/// one. Until then workers of all classes may lease its units; then the leases of the other classes become
-/// void. Tags: only workers that have all tags of a job lease its units.
+/// Numeric class: all units of a job are of one class, that of its first accepted unit unless its options
+/// name one. Until then workers of all classes may lease its units; then the leases of the other classes
+/// become void. Tags: only workers that have all tags of a job lease its units.
 ///
-/// Order: users and jobs by fair share (fair_share.h), except that a worker goes on with the job whose scene it
-/// has loaded while that job is not far ahead of its share, and that no ready job waits for ever; frames in the
-/// order of the job's frame list; within a frame as FrameUnits numbers its units. A unit whose lease became void
-/// is granted before units that were never leased, but not to the worker that failed it last while another
-/// worker that may render the job is available. Where several workers are free, the one that was added first
-/// gets the unit. Where slots are idle, late units are leased to a second worker.
+/// Order: users and jobs by fair share (fair_share.h), except that a worker goes on with the job whose scene
+/// it has loaded while that job is not far ahead of its share, and that no ready job waits for ever; frames
+/// in the order of the job's frame list; within a frame as FrameUnits numbers its units. A unit whose lease
+/// became void is granted before units that were never leased, but not to the worker that failed it last
+/// while another worker that may render the job is available. Where several workers are free, the one that
+/// was added first gets the unit. Where slots are idle, late units are leased to a second worker.
 ///
 /// Frames in flight: a frame is active from the first lease or committed unit until its result is written.
 /// Frames count against SetMaxActiveFrames while their job is not paused and a worker that may render it is
 /// available: all of these can be finished, so that the limit cannot stop the farm.
 ///
-/// Audits: a share of the units of a job, chosen by a hash of job and unit, is leased again to a worker of another
-/// name once it is accepted. Equal digests settle the audit; otherwise further workers decide by majority, and a
-/// worker in the minority is blocked, and its units of frames that are not finished are revoked. A frame counts as
-/// committed when its audits are settled or waived too. A restart begins the audits of unfinished frames again.
+/// Audits: a share of the units of a job, chosen by a hash of job and unit, is leased again to a worker of
+/// another name once it is accepted. Equal digests settle the audit; otherwise further workers decide by
+/// majority, and a worker in the minority is blocked, and its units of frames that are not finished are
+/// revoked. A frame counts as committed when its audits are settled or waived too. A restart begins the
+/// audits of unfinished frames again.
 ///
 /// Time: O(log n) for each unit, lease and worker that a call names, returns or changes; n counts jobs,
 /// leases and workers. A grant also looks at each distinct pair of class and tags that ready jobs require.
@@ -68,8 +70,8 @@ class Scheduler {
  public:
   explicit Scheduler(const SchedulerOptions& options);
 
-  /// Adds a job with a normalised spec and a new id. After a restart `options.numeric_class` is the class that
-  /// the job is bound to.
+  /// Adds a job with a normalised spec and a new id. After a restart `options.numeric_class` is the class
+  /// that the job is bound to.
   void AddJob(const job::JobId& job, const v1::JobSpec& spec, const JobOptions& options = {});
   /// Restores a unit that was committed before a restart. Call it before any lease of the job. False for a
   /// unit that the job does not have.
@@ -77,18 +79,18 @@ class Scheduler {
   /// Restores a frame whose result was written before a restart. Call it before any lease of the job and
   /// before the committed units of the frame. False for a frame that the job does not have.
   bool RestoreFinishedFrame(const job::JobId& job, int32_t frame);
-  /// A paused job gets no new leases; the units that it has are still accepted. These three have no effect on an
-  /// unknown job.
+  /// A paused job gets no new leases; the units that it has are still accepted. These three have no effect on
+  /// an unknown job.
   void PauseJob(const job::JobId& job);
   void ResumeJob(const job::JobId& job);
   void SetPriority(const job::JobId& job, int priority);
   /// Units of a further frame are leased only while fewer frames than this are active; >= 1. No limit before
   /// the first call.
   void SetMaxActiveFrames(int frames);
-  /// Sets the rounds of a frame with adaptive sampling that are decided now; those before stay as they were. Before the first
-  /// call for a frame it has those of FrameRounds(spec). After a restart call it before RestoreCommittedUnit for units of
-  /// the frame. No effect on an unknown job or a finished frame. True when the frame is committed by this, see
-  /// IsFrameCommitted.
+  /// Sets the rounds of a frame with adaptive sampling that are decided now; those before stay as they were.
+  /// Before the first call for a frame it has those of FrameRounds(spec). After a restart call it before
+  /// RestoreCommittedUnit for units of the frame. No effect on an unknown job or a finished frame. True when
+  /// the frame is committed by this, see IsFrameCommitted.
   bool SetRounds(const job::JobId& job, int32_t frame, std::shared_ptr<const job::FrameRounds> rounds);
   /// The rounds of a frame that is active; null for others, and without adaptive sampling.
   std::shared_ptr<const job::FrameRounds> RoundsOf(const job::JobId& job, int32_t frame) const;
@@ -100,8 +102,8 @@ class Scheduler {
   void EndJob(const job::JobId& job);
   bool HasJob(const job::JobId& job) const { return jobs_by_id_.contains(job); }
 
-  /// Adds a worker with a new id. Leases of an earlier connection of the same process become void, which counts as no
-  /// loss: its end has not been noticed yet, and it gets no more.
+  /// Adds a worker with a new id. Leases of an earlier connection of the same process become void, which
+  /// counts as no loss: its end has not been noticed yet, and it gets no more.
   void AddWorker(job::WorkerId worker, const WorkerTraits& traits);
   /// Removes a worker; its leases become void at once, and each counts as a loss of the worker with the unit.
   std::vector<FailedJob> RemoveWorker(job::WorkerId worker);
@@ -110,15 +112,16 @@ class Scheduler {
   /// Voids the leases of the workers with this name and grants them none until ReadmitWorker, those that
   /// connect later included.
   void BlockWorker(const std::string& name, const std::string& reason);
-  /// Ends a block or a drain, or the time for which the worker was set aside. False if no worker has this name.
+  /// Ends a block or a drain, or the time for which the worker was set aside. False if no worker has this
+  /// name.
   bool ReadmitWorker(const std::string& name);
   /// The worker will not deliver the unit: it is free at once. This is neither a failure nor a loss. False if
   /// the worker does not hold the lease.
   bool HandBack(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
   /// Renews the worker's leases that are in `held` and have progressed within SchedulerOptions::stall, and
   /// voids those that are not in `held`, except leases with an attempt above `newest`, the last attempt that
-  /// the worker had received when it sent the heartbeat. Returns the voided ones: each counts as a loss of the
-  /// worker with the unit, which another worker gets next if there is one.
+  /// the worker had received when it sent the heartbeat. Returns the voided ones: each counts as a loss of
+  /// the worker with the unit, which another worker gets next if there is one.
   std::vector<LateLease> Heartbeat(job::WorkerId worker, absl::Span<const HeldLease> held,
                                    job::Attempt newest, absl::Time now);
   /// Voids leases whose deadline is not after `now`, makes overdue units ready for a second lease, ends
@@ -132,25 +135,26 @@ class Scheduler {
   std::vector<GrantedLease> GrantLeases(absl::Time now);
   /// Grants leases to one worker; none of units in quarantine.
   std::vector<GrantedLease> GrantLeases(job::WorkerId worker, absl::Time now);
-  /// Grants the worker leases of units that it has rendered or is rendering for leases of an earlier connection: of those
-  /// that it may still lease, in this order, while it has free slots. A unit that one other worker has leased meanwhile
-  /// gets a second lease, since it costs no rendering; the first result counts.
+  /// Grants the worker leases of units that it has rendered or is rendering for leases of an earlier
+  /// connection: of those that it may still lease, in this order, while it has free slots. A unit that one
+  /// other worker has leased meanwhile gets a second lease, since it costs no rendering; the first result
+  /// counts.
   std::vector<GrantedLease> Regrant(job::WorkerId worker, absl::Span<const job::UnitRef> units,
                                     absl::Time now);
   /// Whether the unit is accepted or committed.
   bool HasResult(const job::UnitRef& unit) const;
   bool HoldsLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
-  /// Records that a worker delivered a complete unit. `digest` is equal for equal pixels, and empty only where no job
-  /// is audited.
+  /// Records that a worker delivered a complete unit. `digest` is equal for equal pixels, and empty only
+  /// where no job is audited.
   Completion CompleteUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
                           absl::Time now, absl::string_view digest = "");
   /// Records that an accepted unit is committed. True when its frame is committed now.
   bool UnitCommitted(const job::UnitRef& unit);
-  /// Records that the accepted plan unit of a job is committed: the job now has this spec, and the units of its frames.
-  /// No effect if the job has ended.
+  /// Records that the accepted plan unit of a job is committed: the job now has this spec, and the units of
+  /// its frames. No effect if the job has ended.
   void SetPlan(const job::UnitRef& unit, const v1::JobSpec& planned);
-  /// Makes a committed unit free again, because its record was lost. False for a unit that is not committed, and
-  /// for one of a finished frame.
+  /// Makes a committed unit free again, because its record was lost. False for a unit that is not committed,
+  /// and for one of a finished frame.
   bool RevokeUnit(const job::UnitRef& unit);
   /// Records that a worker could not render a unit. A permanent failure, which every worker would have, ends
   /// the job when a second worker agrees, or at once if no other worker can be asked.
@@ -161,28 +165,29 @@ class Scheduler {
   /// Why the worker is set aside; empty if it is not.
   std::string SetAsideReason(job::WorkerId worker) const;
 
-  /// Leases that became void since the last call although their workers did not say so. A caller that tells the
-  /// workers, before it sends them new leases, ends work that is in vain.
+  /// Leases that became void since the last call although their workers did not say so. A caller that tells
+  /// the workers, before it sends them new leases, ends work that is in vain.
   std::vector<VoidedLease> TakeVoided();
 
   /// Workers found faulty since the last call.
   std::vector<FaultyWorker> TakeFaulty();
-  /// Frames that became committed since the last call because their last audit was settled or waived; UnitCommitted
-  /// has not reported them.
+  /// Frames that became committed since the last call because their last audit was settled or waived;
+  /// UnitCommitted has not reported them.
   std::vector<std::pair<job::JobId, int32_t>> TakeSettledFrames();
 
   /// Frames of the job whose units are all committed and audited and whose result is not written.
   std::vector<int32_t> CommittedFrames(const job::JobId& job) const;
   /// False also for a frame of which units were revoked since it was committed.
   bool IsFrameCommitted(const job::JobId& job, int32_t frame) const;
-  /// Records that the result of a frame is written. True when it was the last frame of the job. No effect on a frame of
-  /// which units are not committed and audited. Units that were to be revoked stay: their pixels are in the result.
+  /// Records that the result of a frame is written. True when it was the last frame of the job. No effect on
+  /// a frame of which units are not committed and audited. Units that were to be revoked stay: their pixels
+  /// are in the result.
   bool FrameFinished(const job::JobId& job, int32_t frame);
 
-  /// Why the job does not run, or runs slowly, most important first; empty for a job that runs as it should, has
-  /// all its units committed, or is unknown. Linear in the jobs and in the leases of the job. Codes: paused, no_worker,
-  /// worker_unavailable, slots_busy, max_leases, frames_in_flight, backoff, quarantine, worker_set_aside, overdue, audit,
-  /// filtering.
+  /// Why the job does not run, or runs slowly, most important first; empty for a job that runs as it should,
+  /// has all its units committed, or is unknown. Linear in the jobs and in the leases of the job. Codes:
+  /// paused, no_worker, worker_unavailable, slots_busy, max_leases, frames_in_flight, backoff, quarantine,
+  /// worker_set_aside, overdue, audit, filtering.
   std::vector<Reason> Explain(const job::JobId& job, absl::Time now) const;
   /// nullopt for a worker that is not connected.
   std::optional<WorkerInfo> DescribeWorker(job::WorkerId worker) const;
@@ -276,7 +281,8 @@ class Scheduler {
         first_rounds = std::make_shared<const job::FrameRounds>(spec);
     }
 
-    /// Units of a frame that are leased in the order of their numbers. Those of later rounds become free one by one.
+    /// Units of a frame that are leased in the order of their numbers. Those of later rounds become free one
+    /// by one.
     int64_t ordered_units() const {
       return first_rounds == nullptr ? units.count()
                                      : int64_t{units.tiles().count()} * (1 + first_rounds->count());
@@ -340,7 +346,8 @@ class Scheduler {
   void Schedule(job::Attempt attempt, Lease lease);
   /// Mean of the accepted units of the job and kind; nullopt if they are too few to tell.
   std::optional<absl::Duration> MeanTime(const UnitIndex& index) const;
-  /// When a lease granted at `granted` is overdue; InfiniteFuture if the mean is not known. LateTime is never later.
+  /// When a lease granted at `granted` is overdue; InfiniteFuture if the mean is not known. LateTime is never
+  /// later.
   absl::Time OverdueTime(const UnitIndex& index, absl::Time granted) const;
   void Renew(job::Attempt attempt, int64_t progress, absl::Time now);
   LateLease Drop(job::Attempt attempt);
@@ -351,7 +358,8 @@ class Scheduler {
 
   /// Removes a lease, without returning its unit.
   Lease RemoveLease(job::Attempt attempt);
-  /// Moves job.next_unleased on to the first unit that is neither taken nor ahead, or the first frame that is not active.
+  /// Moves job.next_unleased on to the first unit that is neither taken nor ahead, or the first frame that is
+  /// not active.
   static void Advance(Job& job);
   const Requirement& RequirementOf(const Job& job) const { return job.demand->first; }
   /// Enters the job, which is not ready and has no active frames that count, among those of a requirement.
@@ -439,11 +447,12 @@ class Scheduler {
   void Readmit(absl::Time now);
 
   // Quarantine, in quarantine.cc.
-  /// Counts the loss of a worker with a unit. Returns the job's error if the unit was in quarantine and the worker has
-  /// said that it received the lease.
+  /// Counts the loss of a worker with a unit. Returns the job's error if the unit was in quarantine and the
+  /// worker has said that it received the lease.
   std::string CountLoss(const Lease& lease);
   bool IsSuspect(const UnitIndex& index) const;
-  /// The worker's process is here again: what it was lost with did not end it, and is no suspect because of it.
+  /// The worker's process is here again: what it was lost with did not end it, and is no suspect because of
+  /// it.
   void TakeBackLosses(job::WorkerId worker);
   /// The worker of the lease, which counted as lost with its unit, may come back.
   void NoteAbsence(const Lease& lease);

@@ -18,8 +18,8 @@ constexpr size_t kMaxWorkersLooked = 64;
 /// Units over which the speed of a worker is averaged: a machine gets other work to do, or a unit is unusual.
 constexpr int kRatedUnits = 16;
 
-/// Units of a worker that takes this many times the mean are late at once: a faster one may still overtake it. With 1
-/// every second lease is entered among the late ones, mostly for nothing; not tuned.
+/// Units of a worker that takes this many times the mean are late at once: a faster one may still overtake
+/// it. With 1 every second lease is entered among the late ones, mostly for nothing; not tuned.
 constexpr double kSlow = 1.2;
 
 /// A lease is not late before this, however short the units of its job are: a second lease costs a message.

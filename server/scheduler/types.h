@@ -40,14 +40,14 @@ struct SchedulerOptions {
   /// gets no leases for `set_aside`.
   int max_blamed_jobs = 2;
   absl::Duration set_aside = absl::Minutes(5);
-  /// A worker goes on with the job it rendered last, whose scene it has loaded, while the job and its user are
-  /// ahead of their shares by no more than this.
+  /// A worker goes on with the job it rendered last, whose scene it has loaded, while the job and its user
+  /// are ahead of their shares by no more than this.
   FairShare::Tolerance locality{};
   /// A ready job that has waited this long gets every eighth lease, whatever its share.
   absl::Duration longest_wait = absl::Minutes(10);
-  /// A unit is late when it has been leased for longer than `late_factor` times the mean of its job and kind, or at
-  /// once if its worker is slow. Late units are leased a second time to idle slots that are expected
-  /// to end earlier.
+  /// A unit is late when it has been leased for longer than `late_factor` times the mean of its job and kind,
+  /// or at once if its worker is slow. Late units are leased a second time to idle slots that are expected to
+  /// end earlier.
   double late_factor = 1.5;
   /// An audit for which no other worker has been available for this long is waived.
   absl::Duration audit_patience = absl::Minutes(5);
@@ -67,8 +67,8 @@ struct JobOptions {
   double audit_share = 0;
 };
 
-/// Whether a unit is among the `share` of the units of its job that are audited: a hash of job and unit decides. A plan
-/// unit never is.
+/// Whether a unit is among the `share` of the units of its job that are audited: a hash of job and unit
+/// decides. A plan unit never is.
 bool IsAudited(const job::UnitRef& unit, double share);
 
 /// The fields of `scheduling` that concern the scheduler.
@@ -163,8 +163,8 @@ struct FaultyWorker {
   std::string name;
   /// Empty if the worker was reported before, and these are further units of it.
   std::string reason;
-  /// Committed units that it delivered, of frames that are not finished. The caller discards them and then calls
-  /// RevokeUnit for each; until then their frames are not committed.
+  /// Committed units that it delivered, of frames that are not finished. The caller discards them and then
+  /// calls RevokeUnit for each; until then their frames are not committed.
   std::vector<job::UnitRef> units;
 };
 

@@ -27,7 +27,8 @@ absl::string_view WithoutPort(absl::string_view peer) {
   return peer.substr(0, peer.rfind(':'));
 }
 
-/// Without access control there is one identity: its limits are those of an address. Calls inside the process have none.
+/// Without access control there is one identity: its limits are those of an address. Calls inside the process
+/// have none.
 std::string LimitKeyOf(const access::Identity& caller, absl::string_view peer) {
   if (caller.name.empty()) return absl::StrCat("nobody/", WithoutPort(peer));
   if (caller.kind != access::IdentityKind::kLocal) return access::KeyOf(caller);
@@ -50,7 +51,8 @@ CallGate::Call::~Call() {
 }
 
 void CallGate::Call::End(const absl::Status& outcome) {
-  // A stream that the other side broke did what it did; other errors of calls that change nothing are of no interest.
+  // A stream that the other side broke did what it did; other errors of calls that change nothing are of no
+  // interest.
   Audit(outcome, absl::IsPermissionDenied(outcome) || absl::IsUnauthenticated(outcome) ||
                      absl::IsResourceExhausted(outcome) || absl::IsNotFound(outcome));
 }
@@ -161,8 +163,8 @@ absl::Status CallGate::CheckRate(const Call& call) {
 }
 
 absl::Status CallGate::OpenStream(grpc::CallbackServerContext* context, Call* call) {
-  // By the call and not by the caller, who may be everyone at an address: each watch of a job costs messages with each
-  // change of it, a worker that says nothing costs little.
+  // By the call and not by the caller, who may be everyone at an address: each watch of a job costs messages
+  // with each change of it, a worker that says nothing costs little.
   const bool is_of_worker = absl::StartsWith(call->event_.rpc_path, kWorkerService);
   const int limit = is_of_worker ? options_.limits.streams_per_worker : options_.limits.streams_per_person;
   if (!call->limit_key().empty()) {

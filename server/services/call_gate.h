@@ -23,8 +23,8 @@ class CallbackServerContext;
 
 namespace lumifold::server {
 
-/// What every call passes at its start: who calls, whether it may, and whether it calls too often. Calls that change
-/// something, and those that are refused, get a line in the audit log at their end.
+/// What every call passes at its start: who calls, whether it may, and whether it calls too often. Calls that
+/// change something, and those that are refused, get a line in the audit log at their end.
 /// Threads: safe.
 class CallGate {
  public:
@@ -38,8 +38,8 @@ class CallGate {
     /// Monotonic, and that of the wall.
     std::function<absl::Time()> now;
     std::function<absl::Time()> wall_now;
-    /// For callers whose calls are refused again and again: a refused call costs nearly as much as one that is answered.
-    /// `peer` as in grpc::ServerContext. Null: nothing.
+    /// For callers whose calls are refused again and again: a refused call costs nearly as much as one that
+    /// is answered. `peer` as in grpc::ServerContext. Null: nothing.
     std::function<void(absl::string_view peer)> shut_out = nullptr;
     /// Of each call that is admitted. Null: nothing.
     std::function<void(absl::string_view peer)> admitted = nullptr;
@@ -65,11 +65,12 @@ class CallGate {
     void End(const absl::Status& outcome);
 
     // Of a stream:
-    /// What ends it early, in place of a cancellation: when its caller loses its identity, or with kDeadlineExceeded when it
-    /// has stalled. `end` is called at most once, from another thread, before the call's destruction.
+    /// What ends it early, in place of a cancellation: when its caller loses its identity, or with
+    /// kDeadlineExceeded when it has stalled. `end` is called at most once, from another thread, before the
+    /// call's destruction.
     void SetEnd(access::OpenCalls::End end);
-    /// It is the turn of the other end: to send a message, or to take one. If nothing comes for Limits::stalled_stream, the
-    /// stream has stalled. One thread at a time calls these three.
+    /// It is the turn of the other end: to send a message, or to take one. If nothing comes for
+    /// Limits::stalled_stream, the stream has stalled. One thread at a time calls these three.
     void AwaitPeer();
     /// It is no longer: a message has come or gone, which is progress whatever its size.
     void PeerMoved();
@@ -94,12 +95,13 @@ class CallGate {
   explicit CallGate(const Options& options);
 
   /// A call that is open to everyone needs no identity: the caller then has no name and no scopes.
-  /// Errors: kUnauthenticated; kPermissionDenied; kUnavailable for too many requests, and of streams kResourceExhausted,
-  /// both naming the limit and its value.
+  /// Errors: kUnauthenticated; kPermissionDenied; kUnavailable for too many requests, and of streams
+  /// kResourceExhausted, both naming the limit and its value.
   absl::StatusOr<std::unique_ptr<Call>> Admit(const grpc::CallbackServerContext& context,
                                               absl::string_view rpc_path, const std::string& subject);
-  /// The same for a stream, which counts as open until its destruction, and whose `context` is cancelled when the
-  /// caller's token or certificate is revoked or expires. The Call must be destroyed in the reactor's OnDone.
+  /// The same for a stream, which counts as open until its destruction, and whose `context` is cancelled when
+  /// the caller's token or certificate is revoked or expires. The Call must be destroyed in the reactor's
+  /// OnDone.
   absl::StatusOr<std::unique_ptr<Call>> AdmitStream(grpc::CallbackServerContext* context,
                                                     absl::string_view rpc_path, const std::string& subject);
 

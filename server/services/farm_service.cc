@@ -309,8 +309,8 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
     std::function<void()> here;
     absl::Time end;
   };
-  /// Forwards a call to another coordinator that owns the job, or calls `here`. If the owner is lost, another one takes the
-  /// job over: the call is tried again until `end`.
+  /// Forwards a call to another coordinator that owns the job, or calls `here`. If the owner is lost, another
+  /// one takes the job over: the call is tried again until `end`.
   template <typename Request, typename Response>
   void AtOwner(const JobCall<Request, Response>& call) {
     const absl::StatusOr<cluster::FarmPeers::Peer> owner =
@@ -336,8 +336,8 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
                        });
   }
 
-  /// A call about a worker, whichever coordinator it is connected to: after this one, whose answer is `here`, the others are
-  /// asked one after the other until one knows it.
+  /// A call about a worker, whichever coordinator it is connected to: after this one, whose answer is `here`,
+  /// the others are asked one after the other until one knows it.
   template <typename Request, typename Response>
   void AtWorker(const grpc::CallbackServerContext& context, const std::string& path,
                 const access::Identity& caller, const Request& request, absl::StatusOr<Response> here,
@@ -373,8 +373,8 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
     done(call.unknown);
   }
 
-  /// A page of the workers of all coordinators, one coordinator after the other. Its token is the epoch of one, a slash and
-  /// that coordinator's token.
+  /// A page of the workers of all coordinators, one coordinator after the other. Its token is the epoch of
+  /// one, a slash and that coordinator's token.
   void ListWorkersOfFarm(const grpc::CallbackServerContext& context, const access::Identity& caller,
                          const v1::ListWorkersRequest& request, const Done<v1::ListWorkersResponse>& done) {
     if (!parts_.peers->MayForward(context)) return done(ListWorkersHere(caller, request));

@@ -48,8 +48,8 @@ struct ServiceParts {
       make_link;
 };
 
-/// FarmService. Handlers pass the gate, call the coordinator, those that use assets after `checks`, and convert the result.
-/// Calls about jobs of other coordinators go to them.
+/// FarmService. Handlers pass the gate, call the coordinator, those that use assets after `checks`, and
+/// convert the result. Calls about jobs of other coordinators go to them.
 std::unique_ptr<grpc::Service> MakeFarmService(const ServiceParts& parts);
 
 }  // namespace lumifold::server

@@ -16,11 +16,12 @@
 #include "server/cluster/farm_peers.h"
 #include "server/cluster/remote_watch.h"
 #include "server/coordinator/roles.h"
-#include "server/metrics/traffic.h"
 #include "server/job/job_state.h"
+#include "server/metrics/traffic.h"
 #include "server/services/unary_calls.h"
 
-/// Reactors of FarmService's streams. A reactor exists from the start of its call to OnDone, where it deletes itself.
+/// Reactors of FarmService's streams. A reactor exists from the start of its call to OnDone, where it deletes
+/// itself.
 namespace lumifold::server {
 
 /// Receives an asset.
@@ -119,8 +120,8 @@ class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, publi
     const absl::Status status = jobs_->Watch(job_id, this);
     if (!status.ok()) End(rpc::GrpcFromStatus(status));
   }
-  /// The caller gets what is recorded of the job first, so that it knows the job and watches again where its owner is gone;
-  /// then it finds who owns the job.
+  /// The caller gets what is recorded of the job first, so that it knows the job and watches again where its
+  /// owner is gone; then it finds who owns the job.
   void WatchAt(const absl::StatusOr<cluster::FarmPeers::Peer>& owner, const cluster::FarmPeers& peers,
                const v1::WatchJobRequest& request) {
     const absl::StatusOr<v1::JobStatus> recorded = jobs_->GetJob(request.job_id());

@@ -13,8 +13,8 @@
 #include "proto/rpc/status_codec.h"
 #include "server/services/unary_calls.h"
 
-/// Reactors of streams that the services have in common. A reactor exists from the start of its call to OnDone, where it deletes
-/// itself.
+/// Reactors of streams that the services have in common. A reactor exists from the start of its call to
+/// OnDone, where it deletes itself.
 namespace lumifold::server {
 
 /// A stream that is refused.

@@ -12,7 +12,8 @@ namespace lumifold::server {
 
 class JobApi;
 
-/// What of the farm's jobs a caller reaches: a person without the scope admin, only its own. A job's owner is its user.
+/// What of the farm's jobs a caller reaches: a person without the scope admin, only its own. A job's owner is
+/// its user.
 /// Threads: safe.
 class JobAccess {
  public:
@@ -22,8 +23,8 @@ class JobAccess {
   /// Errors: kNotFound for a job of somebody else, as if there were none.
   absl::Status Check(const access::Identity& caller, const std::string& job_id) const;
   /// The request as a job of the caller.
-  /// Errors: kPermissionDenied where it names another user; kInvalidArgument where it waits for a job that the caller
-  /// does not have.
+  /// Errors: kPermissionDenied where it names another user; kInvalidArgument where it waits for a job that
+  /// the caller does not have.
   absl::StatusOr<v1::SubmitJobRequest> Claim(const access::Identity& caller,
                                              const v1::SubmitJobRequest& request) const;
   /// The request for jobs of the caller; nullopt where it asks for those of others only.

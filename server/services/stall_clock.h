@@ -7,8 +7,9 @@
 
 namespace lumifold::server {
 
-/// How long a stream may still wait for its other end. Only time counts in which it is the other end's turn, so that a slow
-/// disk of the coordinator is held against nobody; and a few bytes now and then do not count as progress.
+/// How long a stream may still wait for its other end. Only time counts in which it is the other end's turn,
+/// so that a slow disk of the coordinator is held against nobody; and a few bytes now and then do not count
+/// as progress.
 /// Threads: one at a time.
 class StallClock {
  public:

@@ -13,7 +13,8 @@
 #include "proto/rpc/status_codec.h"
 #include "server/services/call_gate.h"
 
-/// What the adapters of all services share: the gate that their calls pass, and the way in which unary calls are answered.
+/// What the adapters of all services share: the gate that their calls pass, and the way in which unary calls
+/// are answered.
 namespace lumifold::server {
 
 using AdmittedCall = std::unique_ptr<CallGate::Call>;

@@ -23,8 +23,8 @@
 namespace lumifold::server {
 namespace {
 
-/// A worker that lets more than this wait is disconnected. A worker that reads has at most some grants of 256 leases
-/// (25 KiB each) and an acknowledgement for each of its up to 1024 slots before it.
+/// A worker that lets more than this wait is disconnected. A worker that reads has at most some grants of 256
+/// leases (25 KiB each) and an acknowledgement for each of its up to 1024 slots before it.
 constexpr size_t kMaxOutgoingMessages = 8192;
 constexpr size_t kMaxOutgoingBytes = size_t{4} << 20;
 

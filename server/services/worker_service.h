@@ -11,8 +11,8 @@ namespace lumifold::server {
 
 struct ServiceParts;
 
-/// FarmService and WorkerService of a coordinator. Handlers pass the gate, call the coordinator, those that use assets
-/// after ServiceParts::checks, and convert the result.
+/// FarmService and WorkerService of a coordinator. Handlers pass the gate, call the coordinator, those that
+/// use assets after ServiceParts::checks, and convert the result.
 std::vector<std::unique_ptr<grpc::Service>> MakeServices(const ServiceParts& parts);
 
 }  // namespace lumifold::server

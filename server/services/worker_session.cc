@@ -10,7 +10,8 @@
 namespace lumifold::server {
 namespace {
 
-/// The statistics that are stored: the text of a worker is bounded, and fields that are not known are dropped.
+/// The statistics that are stored: the text of a worker is bounded, and fields that are not known are
+/// dropped.
 v1::UnitStats StoredStats(const v1::UnitStats& delivered) {
   v1::UnitStats stats;
   stats.set_samples(delivered.samples());

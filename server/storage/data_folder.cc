@@ -103,8 +103,8 @@ absl::Status DataFolder::MakeFolders() const {
   for (const char* folder : {"", "/assets", "/incoming", "/film", "/results", "/deleted"}) {
     if (absl::Status status = MakeFolder(root_ + folder, files_); !status.ok()) return status;
   }
-  // A folder that someone made before may be open to others. Where it belongs to another user it stays so: the files in
-  // it are private anyway.
+  // A folder that someone made before may be open to others. Where it belongs to another user it stays so:
+  // the files in it are private anyway.
   (void)chmod(root_.c_str(), 0700);
   return absl::OkStatus();
 }

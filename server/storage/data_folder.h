@@ -36,7 +36,8 @@ class DataFolder {
   explicit DataFolder(std::string root, FileSystem* files = PrivateFileSystem())
       : root_(std::move(root)), files_(files) {}
 
-  /// The same folder, whose unit logs are those of a coordinator that shares it with others; empty: of the only one.
+  /// The same folder, whose unit logs are those of a coordinator that shares it with others; empty: of the
+  /// only one.
   DataFolder WithLogsOf(const std::string& writer) const;
 
   /// Creates missing folders and closes them to other users.
@@ -47,8 +48,8 @@ class DataFolder {
   /// Both name the folder.
   absl::StatusOr<rpc::FileHandle> Claim() const;
 
-  /// Removes incomplete files of a coordinator that was killed, in the films and results of all jobs or of one. If it was
-  /// not, its writing of them fails.
+  /// Removes incomplete files of a coordinator that was killed, in the films and results of all jobs or of
+  /// one. If it was not, its writing of them fails.
   /// Errors: kUnavailable naming the file.
   absl::Status RemoveLeftovers() const;
   absl::Status RemoveLeftoversOf(const job::JobId& job) const;

@@ -5,9 +5,9 @@
 
 namespace lumifold::server {
 
-/// Space that uploads and films leave free, so that units and results can still be written: a twentieth of the disk,
-/// at most 2 GiB. With half of it a farm that commits 400 MB/s has 2.5 s less to react; twice as much is withheld from
-/// small disks.
+/// Space that uploads and films leave free, so that units and results can still be written: a twentieth of
+/// the disk, at most 2 GiB. With half of it a farm that commits 400 MB/s has 2.5 s less to react; twice as
+/// much is withheld from small disks.
 inline constexpr uint64_t kDiskShareKept = 20;
 inline constexpr uint64_t kMaxDiskBytesKept = uint64_t{2} << 30;
 

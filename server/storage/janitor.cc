@@ -135,7 +135,8 @@ absl::Status Janitor::BeginDeletion(const JobId& job) {
   const std::string record = folder_.DeletionPath(job);
   if (absl::Status status = CreateDurably(record, folder_.files()); !status.ok()) return status;
   absl::Status status = store_->DeleteJob(job);
-  // It has not ended: there is no deletion to complete. kUnavailable may have deleted it, and the next sweep looks.
+  // It has not ended: there is no deletion to complete. kUnavailable may have deleted it, and the next sweep
+  // looks.
   if (absl::IsFailedPrecondition(status)) folder_.files()->Remove(record);
   return status;
 }
@@ -281,7 +282,8 @@ Janitor::Files Janitor::Do(const Removal& removal) {
 
 Janitor::Files Janitor::Do(const CompleteDeletion& deletion) {
   const JobId& job = deletion.job;
-  // The record may be older than the end of the row: a crash came between, or the ledger could not be reached.
+  // The record may be older than the end of the row: a crash came between, or the ledger could not be
+  // reached.
   const absl::Status row = store_->DeleteJob(job);
   const std::string record = folder_.DeletionPath(job);
   if (absl::IsFailedPrecondition(row)) return std::vector{record};  // it runs: there is nothing to complete

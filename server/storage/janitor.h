@@ -40,10 +40,11 @@ struct JanitorOptions {
 
 /// Removes from the data folder what is no longer needed: films, results and rows of jobs that have ended, as
 /// Retention decides and clients ask; assets that no job refers to; uploads that broke long ago. It works in
-/// steps on `thread`, and deletes files on `deleter`, which may be of the lowest priority: it takes no lock there.
+/// steps on `thread`, and deletes files on `deleter`, which may be of the lowest priority: it takes no lock
+/// there.
 ///
-/// A deletion survives any crash: it is recorded in the folder deleted/ first, and a janitor that starts completes what
-/// it finds there.
+/// A deletion survives any crash: it is recorded in the folder deleted/ first, and a janitor that starts
+/// completes what it finds there.
 /// Threads: safe. Calls only queue, except where they say otherwise.
 class Janitor {
  public:
@@ -55,14 +56,16 @@ class Janitor {
   void Start();
   /// Looks whether there is anything to do, because time has passed.
   void Poke();
-  /// The end of a job is recorded: its manifest is moved, and from now on its film, and later all of it, may go.
+  /// The end of a job is recorded: its manifest is moved, and from now on its film, and later all of it, may
+  /// go.
   void JobEnded(const job::JobId& job, v1::JobState state, const std::string& error);
   /// The result of a frame of an active job is recorded: its unit log may go.
   void FrameFinished(const job::JobId& job, int32_t frame);
-  /// A job is about to run again: nothing of it is changed until the next JobEnded or FrameFinished. Blocks while
-  /// something of it is being removed.
+  /// A job is about to run again: nothing of it is changed until the next JobEnded or FrameFinished. Blocks
+  /// while something of it is being removed.
   void Keep(const job::JobId& job);
-  /// Deletes a job that has ended. Its row is gone when the call returns; its files go soon after. Blocks on the disk.
+  /// Deletes a job that has ended. Its row is gone when the call returns; its files go soon after. Blocks on
+  /// the disk.
   /// Errors: those of JobStore::DeleteJob; kUnavailable naming a file that cannot be written.
   absl::Status Delete(const job::JobId& job);
   /// Jobs that others wait for: they are not deleted because of their age or the quota.
@@ -104,7 +107,8 @@ class Janitor {
   Files Do(const CompleteDeletion& deletion);
   Files Do(const Sweep& sweep);
   Files Do(const Removal& removal);
-  /// Removes a job for ever: records the deletion, then removes the row. Its files are left to CompleteDeletion.
+  /// Removes a job for ever: records the deletion, then removes the row. Its files are left to
+  /// CompleteDeletion.
   absl::Status BeginDeletion(const job::JobId& job);
   /// A removal is done.
   void Count(const Removal& removal) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

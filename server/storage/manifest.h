@@ -10,8 +10,8 @@
 
 namespace lumifold::server {
 
-// A job's manifest lies beside its film until the job has ended, then beside its results. Its numeric class is a file
-// of its own, because it is not known before the first unit is committed.
+// A job's manifest lies beside its film until the job has ended, then beside its results. Its numeric class
+// is a file of its own, because it is not known before the first unit is committed.
 
 v1::JobManifest ManifestOf(const ledger::NewJob& job);
 ledger::NewJob JobOf(const v1::JobManifest& manifest, const ledger::Owner& owner);
@@ -26,14 +26,14 @@ absl::Status RewriteManifest(const DataFolder& folder, const job::JobId& job,
                              const v1::Scheduling& scheduling);
 absl::Status RewriteManifest(const DataFolder& folder, const job::JobId& job, const v1::JobSpec& spec);
 
-/// Moves the manifest of a job that has ended beside its results, with its end. Can be repeated; no effect on a job
-/// whose manifest is there.
+/// Moves the manifest of a job that has ended beside its results, with its end. Can be repeated; no effect on
+/// a job whose manifest is there.
 /// Errors: kUnavailable naming the file.
 absl::Status RetireJob(const DataFolder& folder, const job::JobId& job, v1::JobState end_state,
                        const std::string& error);
 
-/// Moves the manifest of a job that has ended back to its film, with this spec: the job runs again. Can be repeated.
-/// `record` is its row.
+/// Moves the manifest of a job that has ended back to its film, with this spec: the job runs again. Can be
+/// repeated. `record` is its row.
 /// Errors: kUnavailable naming the file.
 absl::Status UnretireJob(const DataFolder& folder, const ledger::JobRecord& record, const v1::JobSpec& spec);
 

@@ -8,8 +8,8 @@
 
 namespace lumifold::server {
 
-/// A file that holds disk space. It is given up when the storage cannot be written, so that the ledger can still record
-/// ends of jobs, and taken again before further units are committed.
+/// A file that holds disk space. It is given up when the storage cannot be written, so that the ledger can
+/// still record ends of jobs, and taken again before further units are committed.
 /// Threads: one at a time.
 class ReserveFile {
  public:

@@ -13,7 +13,8 @@
 namespace lumifold::server {
 
 struct RetentionLimits {
-  /// Bytes of unit logs that are not needed any more and are kept for added samples and repeated units. 0: none.
+  /// Bytes of unit logs that are not needed any more and are kept for added samples and repeated units. 0:
+  /// none.
   uint64_t film_bytes = uint64_t{10'000'000'000};
   /// Film is removed while less than this is free on the disk.
   uint64_t free_bytes = uint64_t{2} << 30;
@@ -37,8 +38,8 @@ struct Removal {
   std::string cause;
 };
 
-/// Decides which films and jobs go when there is too much of them. Pure state: no clock, no disk. The film of an
-/// unfinished frame of an active job is never removed, nor are the results of an active job.
+/// Decides which films and jobs go when there is too much of them. Pure state: no clock, no disk. The film of
+/// an unfinished frame of an active job is never removed, nor are the results of an active job.
 ///
 /// Order: films before results; films of ended jobs before those of active ones; within each, the oldest end
 /// first, and of equal ones the lower id.

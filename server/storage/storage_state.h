@@ -16,13 +16,14 @@ class logger;
 
 namespace lumifold::server {
 
-/// Whether an error is one of the storage (a full or read-only disk, no descriptors, a database that does not answer
-/// or is malformed), not of the job for which it was noticed. It may go away, and what failed is tried again.
+/// Whether an error is one of the storage (a full or read-only disk, no descriptors, a database that does not
+/// answer or is malformed), not of the job for which it was noticed. It may go away, and what failed is tried
+/// again.
 bool IsStorageError(const absl::Status& status);
 
-/// Whether the coordinator can write to its storage, why not, and since when. While it cannot, no lease is granted and
-/// no job or upload is accepted, but everything that can be read is served. The committer tries again and ends the
-/// outage.
+/// Whether the coordinator can write to its storage, why not, and since when. While it cannot, no lease is
+/// granted and no job or upload is accepted, but everything that can be read is served. The committer tries
+/// again and ends the outage.
 /// Threads: safe. It calls nobody while it holds its lock.
 class StorageState {
  public:
@@ -40,13 +41,14 @@ class StorageState {
   bool ok() const { return !outage().has_value(); }
   std::optional<Outage> outage() const;
 
-  /// An operation failed with a storage error; then calls the function that was set. The outage has the first cause.
+  /// An operation failed with a storage error; then calls the function that was set. The outage has the first
+  /// cause.
   void Fail(const absl::Status& cause);
   /// Writing works again.
   void Recover();
 
-  /// Sets what is called with false when an outage begins and with true when it ends. Call it before any other thread
-  /// has the object.
+  /// Sets what is called with false when an outage begins and with true when it ends. Call it before any
+  /// other thread has the object.
   void OnChange(std::function<void(bool)> callback) { on_change_ = std::move(callback); }
   /// Sets what Fail calls. Call it before any other thread has the object.
   void OnFail(std::function<void()> callback) { on_fail_ = std::move(callback); }

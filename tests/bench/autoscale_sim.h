@@ -20,8 +20,8 @@ struct AutoscaleCase {
   /// From the request to the start of its worker, and from there until it has joined.
   int pending_seconds = 20;
   int join_seconds = 5;
-  /// Of second t: units that are submitted; whether the engine refuses; whether workers that start die after two seconds; how
-  /// many workers are taken away.
+  /// Of second t: units that are submitted; whether the engine refuses; whether workers that start die after
+  /// two seconds; how many workers are taken away.
   std::function<int(int t)> submitted = {};
   std::function<bool(int t)> refuses = [](int) { return false; };
   std::function<bool(int t)> deadly = [](int) { return false; };

@@ -6,8 +6,8 @@
 #include "filter/image/check.h"
 #include "worker/render/embree_api.h"
 
-// The linker sends every call of rtcX to __wrap_rtcX and every call of __real_rtcX to Embree. Versions 3 and 4 differ in
-// the order of the arguments and in what a query's context is.
+// The linker sends every call of rtcX to __wrap_rtcX and every call of __real_rtcX to Embree. Versions 3 and
+// 4 differ in the order of the arguments and in what a query's context is.
 #if LUMIFOLD_EMBREE_MAJOR == 3
 #define LUMIFOLD_INTERSECT(query) RTCIntersectContext *context, query
 #define LUMIFOLD_OCCLUDED(query) RTCIntersectContext *context, query

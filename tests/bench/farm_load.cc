@@ -1,6 +1,6 @@
-// Load on a real coordinator, or on several over one PostgreSQL (LUMIFOLD_STORE): processes of their own, N workers over real sockets that answer each lease with a unit
-// that is ready. Prints one "name value" pair a line. Exits with 1 where the coordinator refused a unit, ended
-// a stream or committed nothing.
+// Load on a real coordinator, or on several over one PostgreSQL (LUMIFOLD_STORE): processes of their own, N
+// workers over real sockets that answer each lease with a unit that is ready. Prints one "name value" pair a
+// line. Exits with 1 where the coordinator refused a unit, ended a stream or committed nothing.
 #include <fcntl.h>
 #include <sys/resource.h>
 #include <time.h>
@@ -395,7 +395,8 @@ int MeasureRestart(const Flags& flags) {
   return 0;
 }
 
-/// Submits the jobs on several connections; all but a hundred are cancelled, as most jobs of a store have ended.
+/// Submits the jobs on several connections; all but a hundred are cancelled, as most jobs of a store have
+/// ended.
 absl::Status FillStore(const Flags& flags, const std::string& address, const rpc::Security& security,
                        const v1::SceneRef& scene) {
   constexpr int kThreads = 32;

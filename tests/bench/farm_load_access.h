@@ -12,7 +12,8 @@ namespace lumifold::bench {
 class LoadAccess {
  public:
   LoadAccess() = default;
-  /// Sets up access control in the data folder of a coordinator that does not run yet. Profiles go to `config`.
+  /// Sets up access control in the data folder of a coordinator that does not run yet. Profiles go to
+  /// `config`.
   static absl::StatusOr<LoadAccess> SetUp(const std::string& data, const std::string& config);
 
   /// Logs in and enrols at the running coordinator. Nothing to do in plain text.

@@ -27,14 +27,15 @@ struct LoadOfAJob {
   bool float32 = false;  // all planes as float32, whatever their values
 };
 
-/// Units that are ready to be sent: their layout and values are valid for the lease that they answer, and they
-/// cost next to nothing to send, so that the load falls on the coordinator.
+/// Units that are ready to be sent: their layout and values are valid for the lease that they answer, and
+/// they cost next to nothing to send, so that the load falls on the coordinator.
 /// Threads: safe.
 class ReadyUnits {
  public:
   /// Made-up values.
   explicit ReadyUnits(bool float32 = false) : float32_(float32) {}
-  /// Units of a generated scene, rendered now: some tiles that are spread over a frame, each sent for many tiles.
+  /// Units of a generated scene, rendered now: some tiles that are spread over a frame, each sent for many
+  /// tiles.
   /// Errors: kNotFound naming a scene that does not exist; those of loading it.
   static absl::StatusOr<std::unique_ptr<ReadyUnits>> OfScene(const std::string& scene, const LoadOfAJob& job);
 
@@ -50,7 +51,8 @@ class ReadyUnits {
     LayeredImage list;  // the edge set or the fragments, of the tile at (0, 0)
     int64_t bad_samples = 0;
   };
-  /// What a unit depends on: kind, width and height, the samples of its halves, and which tile of a scene it is.
+  /// What a unit depends on: kind, width and height, the samples of its halves, and which tile of a scene it
+  /// is.
   struct Shape {
     v1::UnitKind kind;
     int width;

@@ -51,8 +51,8 @@ class LoadCounters {
   std::vector<std::string> errors_ ABSL_GUARDED_BY(mutex_);
 };
 
-/// A worker that answers each lease with a unit that is ready, on a connection of its own. Sends raw bytes, so
-/// that N workers cost little more than the system's sockets.
+/// A worker that answers each lease with a unit that is ready, on a connection of its own. Sends raw bytes,
+/// so that N workers cost little more than the system's sockets.
 /// Threads: safe.
 class LoadWorker final : private grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer> {
  public:

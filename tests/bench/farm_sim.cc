@@ -462,8 +462,8 @@ class Farm {
     window_end_ += settings_.window;
   }
 
-  /// By user: the weight of its highest job with free units; 0 without such a job. Where the highest job has none,
-  /// the weight counts all active jobs, so that the window is left out.
+  /// By user: the weight of its highest job with free units; 0 without such a job. Where the highest job has
+  /// none, the weight counts all active jobs, so that the window is left out.
   std::vector<double> Weights() {
     std::vector<double> weights(static_cast<size_t>(settings_.users));
     last_weights_.resize(weights.size());

@@ -20,8 +20,8 @@ struct FarmSettings {
   int frames_per_job = 5;
   /// Workers' speeds are log-uniform in [slowest, 1 / slowest] times one reference machine.
   double slowest = 0.5;
-  /// Mean time of a unit on the reference machine; jobs differ by a factor of up to `job_spread` either way, and the
-  /// units of a job by one of up to `unit_spread`.
+  /// Mean time of a unit on the reference machine; jobs differ by a factor of up to `job_spread` either way,
+  /// and the units of a job by one of up to `unit_spread`.
   absl::Duration mean_unit = absl::Seconds(20);
   double job_spread = 2;
   double unit_spread = 2;
@@ -67,13 +67,13 @@ struct FarmResult {
   absl::Duration makespan;
   /// Total work / total speed, with dead workers counted as if they lived.
   absl::Duration ideal;
-  /// The longest unit on the slowest machine: what the last unit may add to the ideal if nobody knows how long a unit
-  /// takes.
+  /// The longest unit on the slowest machine: what the last unit may add to the ideal if nobody knows how
+  /// long a unit takes.
   absl::Duration longest_unit;
   /// When the last unit was leased for the first time.
   absl::Duration last_leased;
-  /// Largest relative deviation of a user's slot time from its share, over windows in which it had free units from
-  /// beginning to end. A share is weighted, as scheduler.h says.
+  /// Largest relative deviation of a user's slot time from its share, over windows in which it had free units
+  /// from beginning to end. A share is weighted, as scheduler.h says.
   double unfairness = 0;
   absl::Duration unfair_at;  // end of that window
   /// Longest time for which a job with free units got no lease.

@@ -1,5 +1,5 @@
-// How far a filtered picture moves where features of the geometry units are rounded to half precision, one group of
-// planes at a time: docs/decisions/0020-plane-encodings.md. Prints a table in Markdown.
+// How far a filtered picture moves where features of the geometry units are rounded to half precision, one
+// group of planes at a time: docs/decisions/0020-plane-encodings.md. Prints a table in Markdown.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <bit>

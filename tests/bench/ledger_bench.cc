@@ -55,8 +55,8 @@ std::unique_ptr<JobStore> Open(const TempFolder& folder) {
   return *OpenSqliteJobStore(folder.PathOf("ledger.db"));
 }
 
-/// A ledger with 100,000 jobs: every tenth failed, 100 are active, the others are done. A call a job would sync the disk
-/// each time, so the jobs are made outside of the measured loop, once.
+/// A ledger with 100,000 jobs: every tenth failed, 100 are active, the others are done. A call a job would
+/// sync the disk each time, so the jobs are made outside of the measured loop, once.
 JobStore& StoreWithJobs() {
   static const TempFolder folder;
   static const std::unique_ptr<JobStore> store = [] {

@@ -155,8 +155,9 @@ void BM_PlannedOverFull(benchmark::State& state, const std::string& name) {
   state.counters["most"] = ratios.back();
 }
 
-/// What fragments cost: the time of the first pass over a tile, which finds its edge pixels, and of a later one, over that
-/// of a pass without D, I and G, which has no fragments but traces the same. Medians over tiles that are rendered in turn.
+/// What fragments cost: the time of the first pass over a tile, which finds its edge pixels, and of a later
+/// one, over that of a pass without D, I and G, which has no fragments but traces the same. Medians over
+/// tiles that are rendered in turn.
 void BM_Fragments(benchmark::State& state, const std::string& name, uint32_t samples) {
   auto loaded = LoadScene(name);
   if (!loaded.ok()) return state.SkipWithError(std::string(loaded.status().message()).c_str());

@@ -1,5 +1,5 @@
-// Encoding and decoding of real units: by the encodings that need no library, and as they are sent, with planes compressed.
-// The argument of a scene is the number of samples of its passes; 0 are geometry units.
+// Encoding and decoding of real units: by the encodings that need no library, and as they are sent, with
+// planes compressed. The argument of a scene is the number of samples of its passes; 0 are geometry units.
 #include <benchmark/benchmark.h>
 
 #include <map>

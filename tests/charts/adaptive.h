@@ -39,8 +39,8 @@ absl::StatusOr<std::vector<AdaptivePoint>> MeasureAdaptive(const std::string& sc
                                                            const Budgets& budgets, const Reference& reference,
                                                            TaskPool* pool);
 
-/// Time of an adaptive point over that of uniform sampling at equal error, by interpolation between the uniform points
-/// of its scene; 0 where they do not reach that error.
+/// Time of an adaptive point over that of uniform sampling at equal error, by interpolation between the
+/// uniform points of its scene; 0 where they do not reach that error.
 double TimeRatio(const std::vector<AdaptivePoint>& points, const AdaptivePoint& adaptive);
 
 /// Draws error against time ("adaptive-error") and writes adaptive.csv and adaptive.md.

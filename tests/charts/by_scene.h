@@ -6,7 +6,8 @@
 
 namespace lumifold::charts {
 
-/// The parts of `rows` that have one scene each; the rows of a scene follow one another, and outlive the result.
+/// The parts of `rows` that have one scene each; the rows of a scene follow one another, and outlive the
+/// result.
 template <typename Row>
 std::vector<absl::Span<const Row>> ByScene(const std::vector<Row>& rows) {
   std::vector<absl::Span<const Row>> parts;

@@ -10,8 +10,8 @@
 
 namespace lumifold::charts {
 
-/// How an animation is rendered: once with a camera that stands still, once with one that turns about the vertical by a part
-/// of a pixel from frame to frame. Every frame has its own seed.
+/// How an animation is rendered: once with a camera that stands still, once with one that turns about the
+/// vertical by a part of a pixel from frame to frame. Every frame has its own seed.
 struct FlickerSettings {
   int width = 0;
   int height = 0;
@@ -30,8 +30,9 @@ struct FrameChange {
   metrics::Flicker adaptive;
 };
 
-/// Renders the frames of a generated scene with both cameras, each three times: for reference, uniformly and adaptively. References are kept in
-/// the cache folder. Errors: kNotFound for a scene that is not generated; those of FilmSource.
+/// Renders the frames of a generated scene with both cameras, each three times: for reference, uniformly and
+/// adaptively. References are kept in the cache folder. Errors: kNotFound for a scene that is not generated;
+/// those of FilmSource.
 absl::StatusOr<std::vector<FrameChange>> MeasureFrames(const std::string& scene,
                                                        const FlickerSettings& settings,
                                                        const std::string& cache_folder, TaskPool* pool);

@@ -115,7 +115,7 @@ class JobRun {
 
   absl::Status Render(const worker::JobScene& scene) {
     render::RenderSettings settings = scene.settings;
-    worker::ObeyPlan(result_.spec, &settings);
+    worker::ApplyPlan(result_.spec, &settings);
     const absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
         render::Renderer::Create(scene.scene, settings);
     if (!renderer.ok()) return renderer.status();

@@ -32,9 +32,9 @@ struct JobResult {
   Picture picture;  // filtered
 };
 
-/// Runs a job as a worker and a coordinator do, by their own code, in this process and without a network: plan, units,
-/// messages, unit log, film, filter. `scene` is that of the job's only frame, `spec` is normalised and uniformly
-/// sampled. `scratch`: a folder for the log, which is deleted.
+/// Runs a job as a worker and a coordinator do, by their own code, in this process and without a network:
+/// plan, units, messages, unit log, film, filter. `scene` is that of the job's only frame, `spec` is
+/// normalised and uniformly sampled. `scratch`: a folder for the log, which is deleted.
 /// Errors: those of the stages.
 absl::StatusOr<JobResult> RunJob(const worker::JobScene& scene, v1::JobSpec spec, const std::string& scratch,
                                  TaskPool* pool);

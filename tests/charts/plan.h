@@ -23,7 +23,8 @@ struct PlannedJob {
   double mse255 = 0;  // against the reference, whose noise is taken off
 };
 
-/// A frame that was rendered and filtered twice with the same seed: with everything modelled, and by its plan.
+/// A frame that was rendered and filtered twice with the same seed: with everything modelled, and by its
+/// plan.
 struct PlanPair {
   std::string scene = {};
   uint64_t seed = 0;
@@ -36,16 +37,16 @@ struct PlanPair {
 /// Whether an error rises by at most 1 %, as far as twice the standard error can tell.
 bool KeepsAccuracy(const MeanRatio& error);
 
-/// Renders the pairs of a scene for seeds 1 to `seeds`, the full job first in every other pair. The samples of
-/// `settings` are those of each job; its seed is not read. `scratch`: see RunJob.
+/// Renders the pairs of a scene for seeds 1 to `seeds`, the full job first in every other pair. The samples
+/// of `settings` are those of each job; its seed is not read. `scratch`: see RunJob.
 /// Errors: those of the source and of RunJob.
 absl::StatusOr<std::vector<PlanPair>> MeasurePlan(const std::string& scene, const FilmSource& source,
                                                   const FilmSettings& settings, int seeds,
                                                   const Reference& reference, const std::string& scratch,
                                                   TaskPool* pool);
 
-/// What the plans of one scene decide otherwise than full ones, which may depend on the seed of the probe: "levels 0,
-/// glossy off, roulette 118 to 138, levels 1 with some seeds".
+/// What the plans of one scene decide otherwise than full ones, which may depend on the seed of the probe:
+/// "levels 0, glossy off, roulette 118 to 138, levels 1 with some seeds".
 std::string DifferencesOf(absl::Span<const PlanPair> pairs);
 
 /// Draws the ratios ("plan-ratios") and writes plan.csv and plan.md; the pairs of a scene follow one another.

@@ -26,8 +26,8 @@ struct JobStages {
   std::vector<Stage> filter;
 };
 
-/// Renders, assembles, filters and writes a frame with the farm's own libraries, in one process: sending is no
-/// part of it, but the bytes of units are what workers would send. `scratch`: the result goes there and is
+/// Renders, assembles, filters and writes a frame with the farm's own libraries, in one process: sending is
+/// no part of it, but the bytes of units are what workers would send. `scratch`: the result goes there and is
 /// deleted. Errors: those of the stages.
 absl::StatusOr<JobStages> MeasureStages(const std::string& scene, const FilmSource& source,
                                         const FilmSettings& settings, const std::string& scratch,

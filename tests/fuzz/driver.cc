@@ -1,5 +1,5 @@
-// Runs a fuzz target on changed copies of its seeds and of the files in a folder. It needs no compiler of its own, so that
-// every build has it, with sanitizers or without; libFuzzer finds more where there is clang.
+// Runs a fuzz target on changed copies of its seeds and of the files in a folder. It needs no compiler of its
+// own, so that every build has it, with sanitizers or without; libFuzzer finds more where there is clang.
 
 #include <fcntl.h>
 #include <signal.h>

@@ -1,5 +1,5 @@
-// What the autoscaler reads: the output of squeue, objects of the Kubernetes API, and its own state. The first byte of an
-// input chooses.
+// What the autoscaler reads: the output of squeue, objects of the Kubernetes API, and its own state. The
+// first byte of an input chooses.
 
 #include <set>
 

@@ -9,7 +9,8 @@
 #include <string_view>
 #include <vector>
 
-/// A fuzz target: one entry point for bytes from outside. It returns for any input; what it finds ends the process.
+/// A fuzz target: one entry point for bytes from outside. It returns for any input; what it finds ends the
+/// process.
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size);
 
 namespace lumifold::fuzz {
@@ -23,7 +24,8 @@ std::vector<std::string> Seeds();
   std::abort();
 }
 
-/// A folder for files that go with the process; in memory where the machine has that, since a target waits for each.
+/// A folder for files that go with the process; in memory where the machine has that, since a target waits
+/// for each.
 inline std::filesystem::path InMemory() {
   return std::filesystem::is_directory("/dev/shm") ? "/dev/shm" : std::filesystem::temp_directory_path();
 }

@@ -1,5 +1,5 @@
-// What proves or names an identity: one-time codes, certificates and requests for them, names of hosts, and the profiles of
-// users and workers on their disks.
+// What proves or names an identity: one-time codes, certificates and requests for them, names of hosts, and
+// the profiles of users and workers on their disks.
 
 #include <sys/stat.h>
 

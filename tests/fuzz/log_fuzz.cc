@@ -1,4 +1,5 @@
-// Lines of the log, which have text of others: how they are taken apart, and what they are as JSON. And trace contexts.
+// Lines of the log, which have text of others: how they are taken apart, and what they are as JSON. And trace
+// contexts.
 
 #include <nlohmann/json.hpp>
 

@@ -1,6 +1,6 @@
-// Every call of the coordinator's services, from raw bytes: they pass through gRPC, its parsing of messages, the adapter
-// and the coordinator, as from a client that sends what it likes. An input is a method and messages; those of a worker's
-// stream come after one another.
+// Every call of the coordinator's services, from raw bytes: they pass through gRPC, its parsing of messages,
+// the adapter and the coordinator, as from a client that sends what it likes. An input is a method and
+// messages; those of a worker's stream come after one another.
 
 #include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>

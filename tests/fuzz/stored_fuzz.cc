@@ -1,5 +1,5 @@
-// What a coordinator finds in its data folder: manifests, whose checksum is made right; cells of the ledger's tables; and
-// the pages of its file. Someone, or a failing disk, may have changed any of them.
+// What a coordinator finds in its data folder: manifests, whose checksum is made right; cells of the ledger's
+// tables; and the pages of its file. Someone, or a failing disk, may have changed any of them.
 
 #include <sqlite3.h>
 

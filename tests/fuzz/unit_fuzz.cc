@@ -1,5 +1,5 @@
-// Units: chunks of a worker's stream as bytes of protobuf, and records of unit logs. A record's checksums are made right,
-// so that what lies behind them is reached.
+// Units: chunks of a worker's stream as bytes of protobuf, and records of unit logs. A record's checksums are
+// made right, so that what lies behind them is reached.
 
 #include <cstring>
 #include <fstream>

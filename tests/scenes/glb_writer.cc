@@ -161,7 +161,8 @@ Json MaterialJson(const Material& material) {
     json["extensions"]["KHR_materials_transmission"]["transmissionFactor"] =
         RoundTo(kUnitGrid, material.transmission);
   }
-  // Readers derive the path inside from the mesh; they need a thickness above 0 only to know that it is a solid.
+  // Readers derive the path inside from the mesh; they need a thickness above 0 only to know that it is a
+  // solid.
   if (material.is_solid) json["extensions"]["KHR_materials_volume"]["thicknessFactor"] = 1;
   const double strength = std::max({material.emission.x, material.emission.y, material.emission.z});
   if (strength > 0) {

@@ -7,8 +7,8 @@
 
 namespace lumifold::scenes {
 
-// Each scene is built from code alone and is the same on every call. Exposed for a picture at exposure 1; 4:3, metres, +Y
-// up. Threads: safe concurrently.
+// Each scene is built from code alone and is the same on every call. Exposed for a picture at exposure 1;
+// 4:3, metres, +Y up. Threads: safe concurrently.
 
 /// The four scenes of the paper's tables, lit by emissive triangles only.
 SceneDescription BuildCornellBox();

@@ -1,5 +1,5 @@
-// Five tiny scenes that need one part of the model each, for the chart of plans. The room is 4 m wide (x), 4 m long (z)
-// and 3 m high; its front is open, and the camera stands before it.
+// Five tiny scenes that need one part of the model each, for the chart of plans. The room is 4 m wide (x), 4
+// m long (z) and 3 m high; its front is open, and the camera stands before it.
 
 #include <array>
 #include <utility>

@@ -1,7 +1,7 @@
-// A living room at night, lit by a floor lamp alone that shines up into a deep shade: all light comes off one spot on the
-// ceiling, which the camera does not see. On the table a glass egg casts a caustic of that spot. A light sample
-// reaches the lamp from nowhere but the spot, so nearly all light is indirect and found by chance.
-// The room is 5 m wide (x), 5 m long (z) and 2.7 m high; the camera stands in its right rear corner.
+// A living room at night, lit by a floor lamp alone that shines up into a deep shade: all light comes off one
+// spot on the ceiling, which the camera does not see. On the table a glass egg casts a caustic of that spot.
+// A light sample reaches the lamp from nowhere but the spot, so nearly all light is indirect and found by
+// chance. The room is 5 m wide (x), 5 m long (z) and 2.7 m high; the camera stands in its right rear corner.
 
 #include <cmath>
 #include <numbers>

@@ -7,8 +7,8 @@
 //                                              other cells are kept from the existing CSV
 //   lumifold-stability --crop 6:paper out.png  the pictures of a cell: noisy, filtered, truth, side by side
 //
-// Fails if the default method fails a case without a known failure, or is worse than a known one; with --kept, also if a
-// figure of it is worse than the kept one by more than 5 %.
+// Fails if the default method fails a case without a known failure, or is worse than a known one; with
+// --kept, also if a figure of it is worse than the kept one by more than 5 %.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>

@@ -116,8 +116,8 @@ absl::StatusOr<Finding> Outlier(const Trial& trial) {
   return finding;
 }
 
-/// Pixels per 10,000 whose luminance is more than 24 of 255 steps above or below that of all their neighbours,
-/// where the truth's pixel is not even half as far above or below them.
+/// Pixels per 10,000 whose luminance is more than 24 of 255 steps above or below that of all their
+/// neighbours, where the truth's pixel is not even half as far above or below them.
 double LonePixels(const ConstColorView& picture, const ConstColorView& truth) {
   constexpr float kVisible = 24.0f / 255;
   const auto shown = [](const ConstColorView& color, int x, int y) {

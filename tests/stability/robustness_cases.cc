@@ -137,8 +137,8 @@ absl::StatusOr<Finding> RealSeeds(const Trial& trial) {
                  {std::move(noisy[0]), std::move(filtered[0]), std::move(truth)}};
 }
 
-/// Changes from frame to frame that the truth does not have, of the filtered and the noisy pixels of a region,
-/// as means over channels in 8-bit steps.
+/// Changes from frame to frame that the truth does not have, of the filtered and the noisy pixels of a
+/// region, as means over channels in 8-bit steps.
 struct ExcessChanges {
   std::vector<double> filtered, noisy;
 
@@ -227,8 +227,8 @@ float NonLocalMean(const ConstFloatView& plane, int x, int y, double variance) {
   return static_cast<float>(sum / weights);
 }
 
-/// Filters the normals and the distance of a film by non-local means (Rousselle et al. 2013). `noise`: standard
-/// deviation of a normal, and relative of a distance.
+/// Filters the normals and the distance of a film by non-local means (Rousselle et al. 2013). `noise`:
+/// standard deviation of a normal, and relative of a distance.
 void FilterFeatures(float noise, LayeredImage* film) {
   for (const std::string_view name : kFeatures) {
     const FloatView feature = film->Get(name);

@@ -9,9 +9,9 @@
 
 namespace lumifold {
 
-/// A file system for SQLite (a VFS) on top of the real one, for tests of what happens when storage fails. While it
-/// exists it is SQLite's default. It knows which writes were synced, so that a power cut can be played: the others are
-/// lost, or some of them are, the last one half.
+/// A file system for SQLite (a VFS) on top of the real one, for tests of what happens when storage fails.
+/// While it exists it is SQLite's default. It knows which writes were synced, so that a power cut can be
+/// played: the others are lost, or some of them are, the last one half.
 /// Threads: one at a time.
 class FaultyVfs {
  public:
@@ -24,8 +24,8 @@ class FaultyVfs {
   FaultyVfs(const FaultyVfs&) = delete;
   FaultyVfs& operator=(const FaultyVfs&) = delete;
 
-  /// Call number `call` from now on (from 1) fails once; after a power cut all do. kNoSpace and kPowerCut count only
-  /// calls that change files, the others all calls.
+  /// Call number `call` from now on (from 1) fails once; after a power cut all do. kNoSpace and kPowerCut
+  /// count only calls that change files, the others all calls.
   void FailAt(int64_t call, Fault fault);
   /// Whether the fault has happened.
   bool has_failed() const { return has_failed_; }

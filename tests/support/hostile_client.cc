@@ -1,4 +1,5 @@
-// A client for tests that loads the coordinator in ways a user's would not. It prints what it did to standard output.
+// A client for tests that loads the coordinator in ways a user's would not. It prints what it did to standard
+// output.
 #include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
 #include <signal.h>

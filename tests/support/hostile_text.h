@@ -7,8 +7,8 @@
 
 namespace lumifold {
 
-/// Up to 30 pieces of what breaks parsers of lines: quotes, backslashes, fields, control characters, characters of several
-/// bytes, and bytes that are none.
+/// Up to 30 pieces of what breaks parsers of lines: quotes, backslashes, fields, control characters,
+/// characters of several bytes, and bytes that are none.
 inline std::string HostileText(std::mt19937& random) {
   static const std::vector<std::string> pieces = {
       "\"",       "\\",           "\\\"",         "=",       " ",          "event=",

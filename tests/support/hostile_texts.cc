@@ -97,8 +97,8 @@ void Fill(pb::Message* message, const std::string& text, int depth) {
   }
 }
 
-/// The message with all its texts replaced, as bytes: what is not UTF-8 cannot be set otherwise. The stand-in has the
-/// length of the text.
+/// The message with all its texts replaced, as bytes: what is not UTF-8 cannot be set otherwise. The stand-in
+/// has the length of the text.
 std::string WithText(std::string bytes, const std::string& stand_in, const std::string& text) {
   for (size_t at = bytes.find(stand_in); at != std::string::npos; at = bytes.find(stand_in, at + text.size()))
     bytes.replace(at, text.size(), text);

@@ -9,8 +9,8 @@
 
 namespace lumifold {
 
-/// What a worker might deliver for the plan unit of a job that asks for neither tile size nor pass samples and forces
-/// nothing: all layers, no bounces, and these units. With an order of tiles costliest-first is on.
+/// What a worker might deliver for the plan unit of a job that asks for neither tile size nor pass samples
+/// and forces nothing: all layers, no bounces, and these units. With an order of tiles costliest-first is on.
 inline v1::Plan MadeUpPlan(int tile_size = 8, int pass_samples = 4,
                            const std::vector<int32_t>& tile_order = {}) {
   v1::Plan plan;

@@ -8,7 +8,8 @@
 
 namespace lumifold {
 
-/// A PostgreSQL server for one test program (private_postgres.sh). It ends with the program, also if that is killed.
+/// A PostgreSQL server for one test program (private_postgres.sh). It ends with the program, also if that is
+/// killed.
 class PrivatePostgres {
  public:
   /// Starts a server; nullptr, and the reason in `why_not`, where there is none.

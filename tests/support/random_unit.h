@@ -34,8 +34,8 @@ inline LayeredImage RandomEdges(const Rect& rect, std::mt19937* random) {
   return edges;
 }
 
-/// Fragments of the same two pixels, made up: the samples of each pixel are on two surfaces, the second of which is not
-/// the same in each pass.
+/// Fragments of the same two pixels, made up: the samples of each pixel are on two surfaces, the second of
+/// which is not the same in each pass.
 inline LayeredImage RandomFragments(const Rect& rect, uint32_t count_a, uint32_t count_b,
                                     std::mt19937* random) {
   std::uniform_real_distribution<float> value(0.0f, 1.0f);
@@ -74,8 +74,8 @@ inline std::optional<layers::Level> LevelOfTile(int32_t tile) {
 }
 
 /// What a worker might deliver for a unit: made-up pixels that depend on (seed, unit) alone, with the counts
-/// a pass of `samples` has. Some tiles carry a level; those of more than one row and column have edges, and every other
-/// one of these has fragments.
+/// a pass of `samples` has. Some tiles carry a level; those of more than one row and column have edges, and
+/// every other one of these has fragments.
 inline EdgedImage RandomUnit(const job::UnitKey& key, const Rect& rect, SampleRange samples, uint32_t seed) {
   std::seed_seq mix{seed, static_cast<uint32_t>(key.frame), static_cast<uint32_t>(key.tile),
                     static_cast<uint32_t>(key.pass), static_cast<uint32_t>(key.kind)};

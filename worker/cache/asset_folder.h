@@ -20,9 +20,10 @@ class logger;
 
 namespace lumifold::worker {
 
-/// Makes the folder of an AssetFolder if it is missing, for `owner` alone: this process's user, or any where that is root.
-/// Errors: kFailedPrecondition naming it, where it is no folder, belongs to another user or can be written by others;
-/// kUnavailable with the system's message.
+/// Makes the folder of an AssetFolder if it is missing, for `owner` alone: this process's user, or any where
+/// that is root.
+/// Errors: kFailedPrecondition naming it, where it is no folder, belongs to another user or can be written by
+/// others; kUnavailable with the system's message.
 absl::Status MakeAssetFolder(const std::string& path, uid_t owner);
 
 struct AssetFolderOptions {
@@ -34,10 +35,11 @@ struct AssetFolderOptions {
   FileSystem* files = PrivateFileSystem();
 };
 
-/// Keeps assets in a folder of this machine that its workers share, and that outlives them: of many short workers on a node
-/// one fetches a scene. A file is called by the SHA-256 of its content, and read again only if it has it; so nothing in the
-/// folder has to be trusted, and a file that is cut short is fetched again. The folder needs no lock: files are renamed into
-/// place, and removed at any time. It is a cache: what cannot be written is not kept, and nothing fails for it.
+/// Keeps assets in a folder of this machine that its workers share, and that outlives them: of many short
+/// workers on a node one fetches a scene. A file is called by the SHA-256 of its content, and read again only
+/// if it has it; so nothing in the folder has to be trusted, and a file that is cut short is fetched again.
+/// The folder needs no lock: files are renamed into place, and removed at any time. It is a cache: what
+/// cannot be written is not kept, and nothing fails for it.
 /// Threads: safe concurrently, also with other processes.
 class AssetFolder final : public AssetSource {
  public:
@@ -55,7 +57,8 @@ class AssetFolder final : public AssetSource {
   /// kNotFound where there is no such file, or not the right content.
   absl::StatusOr<std::string> Read(const v1::AssetRef& asset) const;
   absl::Status Write(const std::string& name, const std::string& content);
-  /// Removes the least recently used assets until `bytes` more have room, and what interrupted writes have left.
+  /// Removes the least recently used assets until `bytes` more have room, and what interrupted writes have
+  /// left.
   void MakeRoom(uint64_t bytes);
 
   AssetSource* const source_;

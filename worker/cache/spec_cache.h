@@ -21,13 +21,13 @@ class SpecSource {
   virtual ~SpecSource() = default;
 
   /// The spec of an active job.
-  /// Errors: kNotFound for a job that has ended; kPermissionDenied when this worker has no lease of the job any more;
-  /// kUnavailable and others when the coordinator cannot be reached.
+  /// Errors: kNotFound for a job that has ended; kPermissionDenied when this worker has no lease of the job
+  /// any more; kUnavailable and others when the coordinator cannot be reached.
   virtual absl::StatusOr<v1::JobSpec> Fetch(const std::string& job_id) = 0;
 };
 
-/// Fetches the spec of each job once, and again when it is planned. Threads that want a spec that is being fetched wait
-/// for it.
+/// Fetches the spec of each job once, and again when it is planned. Threads that want a spec that is being
+/// fetched wait for it.
 /// Threads: safe concurrently.
 class SpecCache {
  public:

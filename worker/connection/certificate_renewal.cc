@@ -14,7 +14,8 @@ namespace {
 
 constexpr absl::Duration kLongestPause = absl::Hours(1);
 constexpr absl::Duration kShortestPause = absl::Seconds(1);
-/// Looks during the life of a certificate: a third of them are left when it is due, so many attempts may fail.
+/// Looks during the life of a certificate: a third of them are left when it is due, so many attempts may
+/// fail.
 constexpr int kLooks = 60;
 
 }  // namespace

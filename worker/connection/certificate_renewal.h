@@ -24,8 +24,8 @@ struct CertificateRenewalOptions {
   std::shared_ptr<spdlog::logger> log;
 };
 
-/// Renews a worker's certificate when two thirds of its life are over, on a thread of its own. gRPC reads the new file for
-/// new connections; the coordinator asks for one well before the old certificate expires.
+/// Renews a worker's certificate when two thirds of its life are over, on a thread of its own. gRPC reads the
+/// new file for new connections; the coordinator asks for one well before the old certificate expires.
 class CertificateRenewal {
  public:
   explicit CertificateRenewal(CertificateRenewalOptions options);

@@ -49,11 +49,12 @@ constexpr absl::Duration kLeaveTimeout = absl::Seconds(20);
 constexpr absl::Duration kPollInterval = absl::Milliseconds(50);
 /// A stream that lasted this long was no refusal: the next pause is short.
 constexpr absl::Duration kSteadyStream = absl::Seconds(5);
-/// Refusals of the identity without a Welcome, for each coordinator of the list, after which the worker gives up. A new
-/// certificate is known to another coordinator over
-/// the same database two seconds later at most; the pauses before the sixth refusal are 3 to 6 s together.
+/// Refusals of the identity without a Welcome, for each coordinator of the list, after which the worker gives
+/// up. A new certificate is known to another coordinator over the same database two seconds later at most;
+/// the pauses before the sixth refusal are 3 to 6 s together.
 constexpr size_t kIdentityRefusals = 6;
-/// Limit of the leases in Hello, whose samples of blocks may be many. Units that are left out are rendered again.
+/// Limit of the leases in Hello, whose samples of blocks may be many. Units that are left out are rendered
+/// again.
 constexpr size_t kMaxInHandBytes = size_t{2} << 20;
 
 /// The stream of gRPC callbacks. Writes are started from any thread, so a hold keeps the call open until a
@@ -69,7 +70,8 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
         channel_(std::move(channel)),
         stub_(v1::WorkerService::NewStub(channel_)) {}
 
-  /// `waits`: until there is a connection; otherwise the stream ends where the first attempt to connect fails.
+  /// `waits`: until there is a connection; otherwise the stream ends where the first attempt to connect
+  /// fails.
   void Start(v1::WorkerMessage hello, bool waits) {
     context_.set_wait_for_ready(waits);
     stub_->async()->Work(&context_, this);
@@ -221,11 +223,12 @@ class Connection {
         // Shared with render threads, which may send after the stream has ended.
         stream_(std::make_shared<Stream>(std::move(channel), &worker, &current, &options)) {}
 
-  /// Blocks until the stream has ended: by itself, by `stop`, or because the worker has left or moves. `is_only`: there is
-  /// no other coordinator to go to.
+  /// Blocks until the stream has ended: by itself, by `stop`, or because the worker has left or moves.
+  /// `is_only`: there is no other coordinator to go to.
   absl::Status Run(const LeaveTrigger& trigger, bool is_only, const threads::Event& stop) {
     worker_.OnConnected(stream_);
-    // Where there is no other, the stream begins as soon as gRPC has connected: our pauses and gRPC's do not add up.
+    // Where there is no other, the stream begins as soon as gRPC has connected: our pauses and gRPC's do not
+    // add up.
     stream_->Start(MakeHello(options_, worker_), is_only);
     while (!stream_->WaitUntilDone(kPollInterval)) {
       if (options_.alive != nullptr) options_.alive();
@@ -317,7 +320,8 @@ class Channels {
   std::map<std::string, std::shared_ptr<grpc::Channel>> channels_;
 };
 
-/// Refusals since the last Welcome: one coordinator that refuses is no reason to give up where another may not.
+/// Refusals since the last Welcome: one coordinator that refuses is no reason to give up where another may
+/// not.
 class Refusals {
  public:
   explicit Refusals(size_t coordinators) : coordinators_(coordinators) {}
@@ -340,10 +344,10 @@ class Refusals {
 };
 
 /// Connects a worker to one coordinator after the other.
-class Journey {
+class ReconnectLoop {
  public:
-  Journey(const Coordinators* coordinators, const WorkerOptions& options, LeaseRunner& worker,
-          CurrentCoordinator& current, const threads::Event& stop)
+  ReconnectLoop(const Coordinators* coordinators, const WorkerOptions& options, LeaseRunner& worker,
+                CurrentCoordinator& current, const threads::Event& stop)
       : options_(options),
         worker_(worker),
         current_(current),
@@ -433,7 +437,7 @@ class Worker {
       if (!started.ok()) return started.status();
       endpoint = *std::move(started);
     }
-    return Journey(&coordinators, options_, impl_, current_, stop).Run();
+    return ReconnectLoop(&coordinators, options_, impl_, current_, stop).Run();
   }
 
  private:

@@ -29,20 +29,21 @@ struct WorkerOptions {
   /// What the machine has or may be used for; see v1::Hello.
   std::vector<std::string> tags = {};
   WorkerLog log = SilentLog();
-  /// Where assets are kept for other workers of this machine and later ones, see AssetFolder; empty: in memory alone.
+  /// Where assets are kept for other workers of this machine and later ones, see AssetFolder; empty: in
+  /// memory alone.
   std::string asset_folder = {};
   uint64_t asset_folder_bytes = uint64_t{20} << 30;
 
-  /// Once it is notified the worker leaves: it takes no more leases, hands back those that wait, finishes the units
-  /// being rendered within `drain`, hands back the others, and ends. So it does when an operator drains it. Null:
-  /// never.
+  /// Once it is notified the worker leaves: it takes no more leases, hands back those that wait, finishes the
+  /// units being rendered within `drain`, hands back the others, and ends. So it does when an operator drains
+  /// it. Null: never.
   const threads::Event* leave = nullptr;
   absl::Duration drain = absl::Seconds(30);
-  /// Why the worker can no longer be admitted, as its certificate has expired; asked before each connection. Null: it
-  /// has none.
+  /// Why the worker can no longer be admitted, as its certificate has expired; asked before each connection.
+  /// Null: it has none.
   std::function<absl::Status()> check_identity = nullptr;
-  /// After the coordinator's Welcome: time for it to grant leases of the units in hand. It may be taking over the jobs of
-  /// another one that was lost.
+  /// After the coordinator's Welcome: time for it to grant leases of the units in hand. It may be taking over
+  /// the jobs of another one that was lost.
   absl::Duration keep_in_hand = absl::Seconds(30);
   /// A worker that has held no lease for this long leaves, connected or not; units in hand do not count.
   absl::Duration exit_when_idle = absl::InfiniteDuration();
@@ -56,16 +57,18 @@ struct WorkerOptions {
 struct Coordinators {
   /// Not empty, in the order in which they are tried.
   std::vector<std::string> addresses;
-  /// A new channel to one of them, or to one that a coordinator has sent the worker to. Errors: it must not be connected to.
+  /// A new channel to one of them, or to one that a coordinator has sent the worker to. Errors: it must not
+  /// be connected to.
   std::function<absl::StatusOr<std::shared_ptr<grpc::Channel>>(const std::string& address)> connect;
 };
 
-/// Renders units for one of the coordinators at a time until the worker has left or `stop` is notified; `stop` breaks the
-/// connection at once. Blocks. After a broken connection it goes on as Route says, without limit, unless it was leaving;
-/// what it has rendered and is rendering it keeps, see LeaseRunner.
-/// Errors: kFailedPrecondition or kInvalidArgument when each coordinator refuses this worker; kUnauthenticated or
-/// kPermissionDenied when they do not admit the worker's identity: the certificate was revoked, is not known, has expired
-/// or is not a worker's; kDeadlineExceeded when it leaves because of `exit_when_idle` and no coordinator has admitted it.
+/// Renders units for one of the coordinators at a time until the worker has left or `stop` is notified;
+/// `stop` breaks the connection at once. Blocks. After a broken connection it goes on as Route says, without
+/// limit, unless it was leaving; what it has rendered and is rendering it keeps, see LeaseRunner.
+/// Errors: kFailedPrecondition or kInvalidArgument when each coordinator refuses this worker;
+/// kUnauthenticated or kPermissionDenied when they do not admit the worker's identity: the certificate was
+/// revoked, is not known, has expired or is not a worker's; kDeadlineExceeded when it leaves because of
+/// `exit_when_idle` and no coordinator has admitted it.
 absl::Status RunWorker(const Coordinators& coordinators, const WorkerOptions& options,
                        const threads::Event& stop);
 

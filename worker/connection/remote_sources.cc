@@ -22,8 +22,8 @@ constexpr absl::Duration kAssetTimeout = absl::Minutes(10);
 /// A spec has at most 4 MiB. Its leases expire meanwhile if the coordinator does not answer.
 const rpc::RetryPolicy kSpecPolicy = {.try_timeout = absl::Seconds(30), .total_timeout = absl::Seconds(60)};
 
-/// Makes a call on the current connection. While there is none, or if it was lost during the call, a refusal says nothing
-/// of the worker's lease: the call is tried again.
+/// Makes a call on the current connection. While there is none, or if it was lost during the call, a refusal
+/// says nothing of the worker's lease: the call is tried again.
 absl::Status CallCurrent(
     const CurrentCoordinator& coordinator,
     absl::FunctionRef<absl::Status(v1::WorkerService::Stub&, const std::string& worker_id)> call) {

@@ -17,7 +17,8 @@ class Channel;
 
 namespace lumifold::worker {
 
-/// The coordinator that the worker is connected to, and as whom: it serves specs and assets to connected workers only.
+/// The coordinator that the worker is connected to, and as whom: it serves specs and assets to connected
+/// workers only.
 /// Threads: safe.
 class CurrentCoordinator {
  public:
@@ -49,8 +50,9 @@ class CurrentCoordinator {
   int64_t connections_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
-/// Fetches assets from the current coordinator and resumes broken transfers, also from another one: the content is known
-/// by its SHA-256. Its calls are of the job's trace, where `labels` has it. `coordinator` must outlive it.
+/// Fetches assets from the current coordinator and resumes broken transfers, also from another one: the
+/// content is known by its SHA-256. Its calls are of the job's trace, where `labels` has it. `coordinator`
+/// must outlive it.
 std::unique_ptr<AssetSource> MakeRemoteAssetSource(const CurrentCoordinator* coordinator,
                                                    std::shared_ptr<logging::JobLabels> labels);
 

@@ -11,8 +11,9 @@
 
 namespace lumifold::worker {
 
-/// Which coordinator a worker connects to next: those of its list in turn, the first one first, and one that it was sent to
-/// before all others. The pauses of ReconnectSchedule begin once all of the list have been tried.
+/// Which coordinator a worker connects to next: those of its list in turn, the first one first, and one that
+/// it was sent to before all others. The pauses of ReconnectSchedule begin once all of the list have been
+/// tried.
 /// Threads: one at a time.
 class Route {
  public:
@@ -26,8 +27,8 @@ class Route {
   bool IsOnly() const { return endpoints_.size() == 1 && sent_to_.empty(); }
   size_t size() const { return endpoints_.size(); }
 
-  /// The connection to current() has ended, or there was none; `was_steady` if it had lasted. Goes on to the next and
-  /// returns the pause before it.
+  /// The connection to current() has ended, or there was none; `was_steady` if it had lasted. Goes on to the
+  /// next and returns the pause before it.
   absl::Duration Leave(bool was_steady);
   /// The coordinator has sent the worker to `address`.
   void MoveTo(std::string address);

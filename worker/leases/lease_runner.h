@@ -37,18 +37,20 @@ class Outbox {
 
 /// The worker's side of the protocol, independent of the network: handles the coordinator's messages, renders
 /// units on its threads and sends the results. Leases belong to a connection: when it is lost they are void.
-/// A unit whose lease is void is no longer rendered, except where the connection was lost: then the worker has it in hand.
+/// A unit whose lease is void is no longer rendered, except where the connection was lost: then the worker
+/// has it in hand.
 ///
-/// Units in hand are those that a thread had taken when the connection was lost, whether they are rendered or being
-/// rendered; at most slots(). One for which a new lease is granted, of the same pixels, samples and spec, is delivered for
-/// that lease without being rendered again. They are stopped when the coordinator voids them, when their job ends, and by
-/// DropInHand().
+/// Units in hand are those that a thread had taken when the connection was lost, whether they are rendered or
+/// being rendered; at most slots(). One for which a new lease is granted, of the same pixels, samples and
+/// spec, is delivered for that lease without being rendered again. They are stopped when the coordinator
+/// voids them, when their job ends, and by DropInHand().
 ///
-/// A worker leaves in these steps: Leave() tells the coordinator and hands back the leases that wait for a thread;
-/// units that are being rendered are delivered, or handed back by HandBackUnfinished(); HasLeft() is true once the
-/// coordinator has answered that no grant is under way, and every lease is acknowledged or handed back. No unit is
-/// lost by it. It moves to another coordinator in the same steps, but the coordinator grants nothing after v1::Move, and
-/// units in hand stay. One that moves at once does not wait: what its threads have taken becomes units in hand.
+/// A worker leaves in these steps: Leave() tells the coordinator and hands back the leases that wait for a
+/// thread; units that are being rendered are delivered, or handed back by HandBackUnfinished(); HasLeft() is
+/// true once the coordinator has answered that no grant is under way, and every lease is acknowledged or
+/// handed back. No unit is lost by it. It moves to another coordinator in the same steps, but the coordinator
+/// grants nothing after v1::Move, and units in hand stay. One that moves at once does not wait: what its
+/// threads have taken becomes units in hand.
 /// Threads: all calls are safe concurrently.
 class LeaseRunner {
  public:
@@ -83,7 +85,8 @@ class LeaseRunner {
   void Leave(const std::string& reason);
   bool IsLeaving() const;
   bool IsMoving() const;
-  /// The address to move to, if the coordinator has sent one, or an empty text for any other; it is forgotten here.
+  /// The address to move to, if the coordinator has sent one, or an empty text for any other; it is forgotten
+  /// here.
   std::optional<std::string> TakeMove();
   /// Hands back the leases whose units are not delivered.
   void HandBackUnfinished();
@@ -125,7 +128,8 @@ class LeaseRunner {
 
   /// Renders a unit and delivers it, for the lease that it has by then.
   void Work(const TakenPtr& taken);
-  /// The lease for which the unit is to be delivered; nullopt, and the thread is done with it, if there is none.
+  /// The lease for which the unit is to be delivered; nullopt, and the thread is done with it, if there is
+  /// none.
   std::optional<v1::Lease> BeginTurn(const TakenPtr& taken);
   /// Whether the lease is valid and the unit's.
   bool IsCurrent(const v1::Lease& lease, const TakenPtr& taken) const ABSL_SHARED_LOCKS_REQUIRED(mutex_);
@@ -133,7 +137,8 @@ class LeaseRunner {
   bool MustRender(const v1::Lease& lease, const TakenPtr& taken,
                   const std::shared_ptr<const v1::JobSpec>& spec);
   void Keep(const TakenPtr& taken, RenderedUnit unit);
-  /// Rendering for this lease has failed. Reports it, unless the lease is void: then the failure may come of that.
+  /// Rendering for this lease has failed. Reports it, unless the lease is void: then the failure may come of
+  /// that.
   void Fail(const v1::Lease& lease, const TakenPtr& taken, const absl::Status& failure);
   /// The job of the lease has ended, and the message that says so is on its way.
   void EndJobOf(const v1::Lease& lease, const TakenPtr& taken);

@@ -10,9 +10,9 @@
 
 namespace lumifold::worker {
 
-/// Time that the threads of a worker have spent on leases, by job: loading scenes, rendering, and encoding and sending
-/// units, those included that are not wanted in the end. A thread that works for a second adds a core-second, whether or
-/// not the machine has a core for it.
+/// Time that the threads of a worker have spent on leases, by job: loading scenes, rendering, and encoding
+/// and sending units, those included that are not wanted in the end. A thread that works for a second adds a
+/// core-second, whether or not the machine has a core for it.
 /// Threads: all calls are safe concurrently.
 class ThreadAccount {
  public:

@@ -16,8 +16,9 @@ enum class Activity {
   kSending,    // encodes a unit and hands it to the connection
 };
 
-/// Time that the threads of a worker have spent in each activity, up to now: not only what they have finished. The sum is
-/// the number of threads times the worker's age. Times are those of one clock that never goes back.
+/// Time that the threads of a worker have spent in each activity, up to now: not only what they have
+/// finished. The sum is the number of threads times the worker's age. Times are those of one clock that never
+/// goes back.
 /// Threads: safe concurrently.
 class ThreadActivities {
  public:

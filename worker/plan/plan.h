@@ -61,12 +61,14 @@ struct Plan {
   double seconds_per_sample = 0;  // estimate of tracing one sample of every pixel on one thread
 };
 
-/// Makes the plan, a pure function, with the decisions of decisions::kAll in their order. `scene` is frame 0, or any one frame, of the job.
-/// Errors: kInvalidArgument for a forced decision that does not exist or cannot have that value, naming those that can.
+/// Makes the plan, a pure function, with the decisions of decisions::kAll in their order. `scene` is frame 0,
+/// or any one frame, of the job.
+/// Errors: kInvalidArgument for a forced decision that does not exist or cannot have that value, naming those
+/// that can.
 absl::StatusOr<Plan> MakePlan(const scene::Scene& scene, const PlanSettings& settings, const Probe& probe);
 
-/// Sets what one decision governs. No effect for a name that does not exist, or for the order of tiles, which needs the
-/// probe.
+/// Sets what one decision governs. No effect for a name that does not exist, or for the order of tiles, which
+/// needs the probe.
 void Apply(std::string_view decision, int value, Plan* plan);
 
 }  // namespace lumifold::plan

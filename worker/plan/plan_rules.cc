@@ -135,13 +135,13 @@ Verdict DecideAlphaTests(const RuleInput& input, const Plan&) {
 
 // --- Russian roulette -------------------------------------------------------------------------------------
 
-/// In steps, so that rounding, such as that of a scene in other units, hardly ever decides. Paths go on with their
-/// throughput at least, and few end where they go on with fifty times that.
+/// In steps, so that rounding, such as that of a scene in other units, hardly ever decides. Paths go on with
+/// their throughput at least, and few end where they go on with fifty times that.
 constexpr int kRouletteStep = 5;
 constexpr int kLeastRoulette = 100;
 constexpr int kMostRoulette = 5000;
-/// Noise over that of the usual rule: a plan may cost a hundredth of the accuracy. Measured errors are 0 to 4 % less than
-/// the recorded paths tell, which count outliers for little: the usual rule has more of them.
+/// Noise over that of the usual rule: a plan may cost a hundredth of the accuracy. Measured errors are 0 to 4
+/// % less than the recorded paths tell, which count outliers for little: the usual rule has more of them.
 constexpr double kAllowedNoise = 1.01;
 
 /// The rule of the fewest rays with that noise: more rays, less noise.
@@ -198,7 +198,8 @@ double SecondsPerSample(const RuleInput& input, int tile_size) {
   return double{1} * tile_size * tile_size * input.probe.RaysPerSample() / input.settings.rays_per_second;
 }
 
-/// Samples of a pass unless the plan makes it longer: the coordinator's default. Each pass costs the bytes of its channels.
+/// Samples of a pass unless the plan makes it longer: the coordinator's default. Each pass costs the bytes of
+/// its channels.
 int DefaultPass(const PlanSettings& settings) {
   constexpr int kLeast = 64;
   constexpr int kMostPasses = 16;
@@ -206,11 +207,12 @@ int DefaultPass(const PlanSettings& settings) {
   return std::max(kLeast, share + share % 2);
 }
 
-/// A pass may be this many times the coordinator's default. Samples that are added to a job render its last pass again.
+/// A pass may be this many times the coordinator's default. Samples that are added to a job render its last
+/// pass again.
 constexpr int kMaxPassGrowth = 4;
 
-// Neither tile size nor pass samples depend on the number of samples below 1024: a job to which samples are added has the
-// units, and the bits, of one that was submitted with as many.
+// Neither tile size nor pass samples depend on the number of samples below 1024: a job to which samples are
+// added has the units, and the bits, of one that was submitted with as many.
 
 Verdict DecideTileSize(const RuleInput& input, const Plan&) {
   const int samples = DefaultPass(input.settings);

@@ -37,7 +37,8 @@ struct Rule {
 /// Of all decisions, in the order of decisions::kAll.
 std::span<const Rule> Rules();
 
-/// The tiles of the frame by their cost; empty for a full plan, and where the probe does not tell so many apart.
+/// The tiles of the frame by their cost; empty for a full plan, and where the probe does not tell so many
+/// apart.
 std::vector<int> CostliestFirst(const RuleInput& input, const Plan& plan);
 
 }  // namespace lumifold::plan

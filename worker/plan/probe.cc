@@ -190,8 +190,8 @@ absl::StatusOr<Probe> RunProbe(const scene::Scene& scene, const render::RenderSe
                                   kProbePlan);
   const int64_t rays_before = render::RaysOfThread();
   Probe probe = ProbeRun(tracer, *camera, picture).Run();
-  // As many for any number of samples, and of the whole frame: samples that are added to a job, and regions, have the
-  // frame's bits.
+  // As many for any number of samples, and of the whole frame: samples that are added to a job, and regions,
+  // have the frame's bits.
   const render::RenderSettings least = Reduced(WholeFrame(settings), kLeastProbePixels);
   const absl::StatusOr<render::PictureCamera> recorder = render::MakeCamera(scene, least);
   if (!recorder.ok()) return recorder.status();

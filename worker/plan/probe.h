@@ -21,8 +21,8 @@ struct Probe {
 
   std::vector<float> rays_of_pixel;  // rays per sample, row-major
 
-  /// [d]: of the radiance in one block of kBlock x kBlock pixels, the share that comes from levels of depth d or
-  /// more; the greatest over all blocks. [0] is not used.
+  /// [d]: of the radiance in one block of kBlock x kBlock pixels, the share that comes from levels of depth d
+  /// or more; the greatest over all blocks. [0] is not used.
   std::array<double, layers::kMaxDepth + 1> level_share = {};
 
   RecordedPaths paths;  // of kProbeSamples samples in each of kLeastProbePixels pixels
@@ -41,8 +41,9 @@ inline constexpr int kLeastProbePixels = 256;  // unless the frame has fewer
 inline constexpr int kSamplesPerProbeSample = 256;
 inline constexpr int kBlock = 8;
 
-/// Traces the probe of frame 0 on the calling thread, for a job of so many samples per pixel. The random numbers are keyed
-/// as in Renderer::RenderPass, so the result is the same in every run. settings.plan is not read: everything is modelled.
+/// Traces the probe of frame 0 on the calling thread, for a job of so many samples per pixel. The random
+/// numbers are keyed as in Renderer::RenderPass, so the result is the same in every run. settings.plan is not
+/// read: everything is modelled.
 /// Errors: those of render::MakeCamera and render::EmbreeScene::Create.
 absl::StatusOr<Probe> RunProbe(const scene::Scene& scene, const render::RenderSettings& settings,
                                int32_t samples_per_pixel);

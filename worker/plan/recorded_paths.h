@@ -14,7 +14,8 @@ namespace lumifold::plan {
 
 inline constexpr uint32_t kProbeSamples = 8;  // per pixel
 
-/// What a pixel's squared error is divided by. Dark pixels count by their share of the frame's light, as in relMSE.
+/// What a pixel's squared error is divided by. Dark pixels count by their share of the frame's light, as in
+/// relMSE.
 inline double SquaredLight(double of_pixel, double of_frame) {
   constexpr double kFloor = 0.01;
   return of_pixel * of_pixel + kFloor * of_frame * of_frame;
@@ -37,8 +38,8 @@ struct PathCosts {
 /// Paths traced without Russian roulette, from which follows what any rule would cost.
 class RecordedPaths {
  public:
-  /// Adds the path of `vertices`, as PathTracer::RecordIndirect gives them. Nothing for a path without vertices or with bad
-  /// radiance.
+  /// Adds the path of `vertices`, as PathTracer::RecordIndirect gives them. Nothing for a path without
+  /// vertices or with bad radiance.
   void Add(std::span<const render::PathVertex> vertices, const PixelLight& pixel);
 
   /// The expectation over the rule's decisions.
@@ -50,8 +51,8 @@ class RecordedPaths {
   std::vector<size_t> ends_;                  // one past each path's last vertex
 };
 
-/// Traces kProbeSamples paths of each pixel of `picture`. An outlier is a path that brings more than all samples of its pixel
-/// together. Adds the number of camera samples that this took to *samples.
+/// Traces kProbeSamples paths of each pixel of `picture`. An outlier is a path that brings more than all
+/// samples of its pixel together. Adds the number of camera samples that this took to *samples.
 RecordedPaths RecordPaths(const render::PathTracer& tracer, const render::PictureCamera& camera,
                           const render::RenderSettings& picture, int64_t* samples);
 

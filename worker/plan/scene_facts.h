@@ -9,8 +9,8 @@
 namespace lumifold::plan {
 
 /// What the rules of a plan read from a scene. A fact holds for all frames of an animated scene: there the
-/// materials of the whole file count, also those of surfaces that a transform hides in this frame, and nothing
-/// is known about where surfaces are.
+/// materials of the whole file count, also those of surfaces that a transform hides in this frame, and
+/// nothing is known about where surfaces are.
 struct SceneFacts {
   bool animated = false;
   int64_t surfaces = 0;             // instances with triangles

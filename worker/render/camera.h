@@ -32,7 +32,8 @@ class PictureCamera {
   PictureCamera(const scene::Camera& camera, const Lens& lens, const FrameWindow& frame,
                 const PixelFilter& filter = {});
 
-  /// The frame's point for random numbers `u` in [0, 1)^2, in the pixel (x, y) of the picture or near it: see PixelFilter.
+  /// The frame's point for random numbers `u` in [0, 1)^2, in the pixel (x, y) of the picture or near it: see
+  /// PixelFilter.
   scene::Vec2 PointIn(int x, int y, scene::Vec2 u) const {
     return {static_cast<float>(x + frame_.x) + filter_.Warp(u.x),
             static_cast<float>(y + frame_.y) + filter_.Warp(u.y)};
@@ -44,8 +45,8 @@ class PictureCamera {
   /// In pixels.
   float FilterWidth() const { return filter_.width(); }
 
-  /// The ray through the frame's point (x, y) in pixels, origin top left, y down; pixel centres lie at .5. `lens`
-  /// in [0, 1)^2 maps uniformly to the lens; a pinhole ignores it. The ray's cone is `pixels` wide.
+  /// The ray through the frame's point (x, y) in pixels, origin top left, y down; pixel centres lie at .5.
+  /// `lens` in [0, 1)^2 maps uniformly to the lens; a pinhole ignores it. The ray's cone is `pixels` wide.
   Ray RayThrough(float x, float y, scene::Vec2 lens, float pixels = 1) const {
     Ray ray;
     SetRay({x, y}, lens, pixels, &ray);
@@ -56,8 +57,8 @@ class PictureCamera {
 
   bool HasLens() const { return has_lens_; }
 
-  /// For row vectors, row by row: to a space that looks down its -Z with +Y up, and from it to the whole frame, -1 to 1
-  /// from left to right and from bottom to top.
+  /// For row vectors, row by row: to a space that looks down its -Z with +Y up, and from it to the whole
+  /// frame, -1 to 1 from left to right and from bottom to top.
   using Matrix = std::array<float, 16>;
   Matrix WorldToCamera() const;
   Matrix WorldToNdc() const;

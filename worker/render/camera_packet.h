@@ -49,8 +49,8 @@ class CameraPacket {
 
 static_assert(PathTracer::kPacket == DrawnPairs::kSamples);
 
-/// Calls visit(CameraPacket) for the samples of pixel (x, y) of the picture. The division into packets depends on the
-/// range alone. `visit` may return a bool; false ends it.
+/// Calls visit(CameraPacket) for the samples of pixel (x, y) of the picture. The division into packets
+/// depends on the range alone. `visit` may return a bool; false ends it.
 template <typename Visit>
 void ForEachCameraPacket(const PictureCamera& camera, uint64_t seed, int frame, int x, int y,
                          SampleRange range, Visit visit) {

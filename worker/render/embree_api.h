@@ -1,7 +1,8 @@
 #pragma once
 
-// The part of Embree's interface that changed between versions 3 and 4: how a query gets its context. CMake defines
-// LUMIFOLD_EMBREE_MAJOR with the target lumifold_embree. For embree_scene.cc and the benchmarks that listen to it.
+// The part of Embree's interface that changed between versions 3 and 4: how a query gets its context. CMake
+// defines LUMIFOLD_EMBREE_MAJOR with the target lumifold_embree. For embree_scene.cc and the benchmarks that
+// listen to it.
 #if LUMIFOLD_EMBREE_MAJOR == 3
 #include <embree3/rtcore.h>
 #else

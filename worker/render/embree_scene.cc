@@ -28,8 +28,8 @@ using Device = std::unique_ptr<RTCDeviceTy, Release>;
 using SceneHandle = std::unique_ptr<RTCSceneTy, Release>;
 using Geometry = std::unique_ptr<RTCGeometryTy, Release>;
 
-/// Embree reads origin and tnear, and direction and time, as vectors of four. To read what was written in parts would wait
-/// for these stores.
+/// Embree reads origin and tnear, and direction and time, as vectors of four. To read what was written in
+/// parts would wait for these stores.
 RTCRay EmbreeRay(const Ray& ray) {
   using Four [[gnu::vector_size(4 * sizeof(float))]] = float;
   const Four origin = {ray.origin.x, ray.origin.y, ray.origin.z, 0};

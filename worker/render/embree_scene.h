@@ -81,8 +81,8 @@ class EmbreeScene {
   bool has_transparent_ = false;
 };
 
-/// Rays that the calling thread has traced so far, in all scenes: the cost of what it does that is the same on every
-/// machine of a numeric class.
+/// Rays that the calling thread has traced so far, in all scenes: the cost of what it does that is the same
+/// on every machine of a numeric class.
 int64_t RaysOfThread();
 
 }  // namespace lumifold::render

@@ -30,8 +30,8 @@ struct FragmentSums {
 /// The samples of one pixel by the surface that they hit first.
 class PixelFragments {
  public:
-  /// Adds a finite sample; one that hits nothing is left out. One that hits a surface after kMaxFragments others is
-  /// added to the last of these.
+  /// Adds a finite sample; one that hits nothing is left out. One that hits a surface after kMaxFragments
+  /// others is added to the last of these.
   void Add(const LayerSample& sample, size_t half);
 
   /// The fragments, ascending by surface; valid until the next call of Add.

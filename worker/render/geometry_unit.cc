@@ -38,19 +38,20 @@ constexpr std::array<int, 4> kFirst = {0, 7, 9, 14};
 constexpr std::array<int, 12> kOthers = {1, 2, 3, 4, 5, 6, 8, 10, 11, 12, 13, 15};
 static_assert(kFirst.size() + kOthers.size() == kSubSamples);
 
-/// Next to surfaces that emit more than white, sub-samples are refined: a slice of a lamp that all of them miss has its
-/// radiance times its share of the pixel, which shows where the radiance is many times white.
+/// Next to surfaces that emit more than white, sub-samples are refined: a slice of a lamp that all of them
+/// miss has its radiance times its share of the pixel, which shows where the radiance is many times white.
 constexpr float kBrightLuminance = 1;
 
-/// How many rays a pixel of refined sub-samples has: the second number where E differs among the first ones by more than
-/// kRefinedRange. The share of a lamp errs with n rays by about n^(-3/4): by an eighth of white with 256 of them where E
-/// differs by 8.
+/// How many rays a pixel of refined sub-samples has: the second number where E differs among the first ones
+/// by more than kRefinedRange. The share of a lamp errs with n rays by about n^(-3/4): by an eighth of white
+/// with 256 of them where E differs by 8.
 constexpr std::array<uint32_t, 2> kFineRays = {256, 1024};
 constexpr float kRefinedRange = 8;
 
-/// Point i of a scrambled (0,2)-sequence in a pixel, of whose first 4^k points each cell of the grid has as many. A fixed
-/// pattern, however even, has lines that fall between its points, and edges of all slopes occur: such a pixel has a wrong
-/// share of a lamp with any number of samples. Scrambled anew in each pixel, the error has no sign in common.
+/// Point i of a scrambled (0,2)-sequence in a pixel, of whose first 4^k points each cell of the grid has as
+/// many. A fixed pattern, however even, has lines that fall between its points, and edges of all slopes
+/// occur: such a pixel has a wrong share of a lamp with any number of samples. Scrambled anew in each pixel,
+/// the error has no sign in common.
 Vec2 FinePoint(int64_t pixel, uint32_t i) {
   constexpr uint64_t kSeed = 0x66696e65;                      // not that of any frame's samples
   return Sampler(kSeed, 0, pixel, 2 * i).Get2D(kCameraPair);  // those of one half
@@ -178,8 +179,8 @@ class GeometryPicture {
   FloatView alpha_;
 };
 
-/// Goes over the pixels of a rectangle with the first samples of each. Keeps those of three rows, which the edge test
-/// compares.
+/// Goes over the pixels of a rectangle with the first samples of each. Keeps those of three rows, which the
+/// edge test compares.
 class PixelScan {
  public:
   struct Pixel {
@@ -224,7 +225,8 @@ class PixelScan {
     TraceRays(out, [&](size_t i) { return RayOf(x, y, sub_samples[i]); });
   }
 
-  /// Makes E of each sub-sample a mean over its cell. T stays that of its surface: fragments must not mix surfaces.
+  /// Makes E of each sub-sample a mean over its cell. T stays that of its surface: fragments must not mix
+  /// surfaces.
   void Refine(int x, int y, std::array<GeometrySample, kSubSamples>* samples) const {
     FineEmission emission;
     uint32_t traced = 0;

@@ -24,10 +24,10 @@ struct GeometryUnit {
 ///         hits), id.Y (the most frequent one), mask.Y and A (fractions of the sub-samples); all 0 if nothing
 ///         is hit. For each level that any sub-sample reaches, layers::kLevelFeatures in the same way.
 ///         edges: see EdgedImage. mask: rect.
-/// Where an edge pixel or one of its neighbours shows a surface brighter than white, in its first four rays, albedo and
-/// emission of each sub-sample are means over 16 rays in its cell of the grid: a slice of a lamp may be thinner than the
-/// grid and still outshine the rest of its pixel.
-/// Once `stop`, which may be null, is true it returns within a row of pixels; the result is then incomplete.
+/// Where an edge pixel or one of its neighbours shows a surface brighter than white, in its first four rays,
+/// albedo and emission of each sub-sample are means over 16 rays in its cell of the grid: a slice of a lamp
+/// may be thinner than the grid and still outshine the rest of its pixel. Once `stop`, which may be null, is
+/// true it returns within a row of pixels; the result is then incomplete.
 GeometryUnit RenderGeometryUnit(const PathTracer& tracer, const PictureCamera& camera, const Rect& frame,
                                 const Rect& rect, const std::atomic<bool>* stop = nullptr);
 

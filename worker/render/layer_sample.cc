@@ -34,7 +34,8 @@ Vec3 Recombined(const LayerSample& s) {
 }
 
 bool IsFinite(const LayerSample& s) {
-  // In NaN and infinity all bits of the exponent are set. The colours are tested side by side, without a branch for each.
+  // In NaN and infinity all bits of the exponent are set. The colours are tested side by side, without a
+  // branch for each.
   constexpr uint32_t kExponent = 0x7f800000;
   std::array<uint32_t, offsetof(LayerSample, levels) / sizeof(float)> bits;
   std::memcpy(bits.data(), &s, sizeof(bits));

@@ -77,8 +77,8 @@ class LightSet {
   void AddEnvironment(std::shared_ptr<const Environment> environment, double scene_radius, Powers* powers);
   EmitterBounds BoundsOf(uint32_t emitter, double power) const;
   LightTree::Choice PickFinite(const LightReceiver& from, float u_light) const;
-  // Of a light that was picked with this probability. Each sample is built where the caller keeps it: a copy of what
-  // was just written in parts waits for these stores.
+  // Of a light that was picked with this probability. Each sample is built where the caller keeps it: a copy
+  // of what was just written in parts waits for these stores.
   LightSample SampleTriangle(const Triangle& light, float probability, scene::Vec3 from, scene::Vec2 u) const;
   LightSample SamplePunctual(const PunctualEmitter& light, float probability, scene::Vec3 from) const;
   LightSample SampleInfinite(float u_light, scene::Vec2 u) const;

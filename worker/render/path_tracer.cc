@@ -16,7 +16,8 @@ namespace {
 /// First dimension pair of the transmission branch: above all pairs that the reflection branch uses.
 constexpr uint32_t kTransmissionPairs = 1u << 16;
 
-/// Vertices of a recorded path: there may be a thousand bounces, and next to no light comes from beyond these.
+/// Vertices of a recorded path: there may be a thousand bounces, and next to no light comes from beyond
+/// these.
 constexpr size_t kMaxRecordedVertices = 16;
 
 /// Glossy radiance is not divided by a directional albedo below this.
@@ -61,8 +62,8 @@ void Attenuate(const Surface& surface, const Hit& hit, Vec3* throughput) {
     *throughput *= VolumeTransmittance(*surface.material, hit.distance);
 }
 
-/// Decides by *u whether a path goes on that does so with probability `survival`. If it does, *u is rescaled to a
-/// random number in [0, 1).
+/// Decides by *u whether a path goes on that does so with probability `survival`. If it does, *u is rescaled
+/// to a random number in [0, 1).
 bool Survives(float survival, float* u) {
   if (survival >= 1) return true;
   if (*u >= survival) return false;

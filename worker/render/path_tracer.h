@@ -66,9 +66,9 @@ class PathTracer {
   /// The rays' random keys are set.
   void TraceGeometry(std::span<const Ray> rays, std::span<GeometrySample> out) const;
 
-  /// Traces the path that one sample of the first surface's indirect light follows, without Russian roulette, and
-  /// tells its vertices from the first bounce on. Nothing for rays that leave the scene, and where the sample is a
-  /// mirror image. The ray's random key is set.
+  /// Traces the path that one sample of the first surface's indirect light follows, without Russian roulette,
+  /// and tells its vertices from the first bounce on. Nothing for rays that leave the scene, and where the
+  /// sample is a mirror image. The ray's random key is set.
   void RecordIndirect(const Ray& ray, const Sampler& sampler, std::vector<PathVertex>* out) const;
 
   bool HasLights() const { return !lights_.IsEmpty(); }
@@ -116,8 +116,8 @@ class PathTracer {
   BsdfType MakeBsdf(const Surface& surface, Vec3 wo) const;
   /// Radiance incident along `segment`, which is advanced to the path's end; the surface at its first hit is
   /// path vertex number `vertex`. `path_throughput` is the throughput of the path before the segment. With
-  /// Indirect::kLeftOut only the direct part is traced. If `record` is not null, the path's vertices are added there, and
-  /// it goes on without Russian roulette.
+  /// Indirect::kLeftOut only the direct part is traced. If `record` is not null, the path's vertices are
+  /// added there, and it goes on without Russian roulette.
   template <typename BsdfType>
   IncidentRadiance TraceIncident(PathSegment* segment, int vertex, Vec3 path_throughput,
                                  const PathSampler& random, Indirect indirect = Indirect::kTraced,

@@ -7,9 +7,10 @@
 
 namespace lumifold::render {
 
-/// Which points of the picture a pixel is a mean of: a product of the same even function of x and y about the pixel's
-/// centre. Random numbers are mapped to points of its density, so that all samples count equally and each belongs to one
-/// pixel: tiles stay independent, and means, halves and variances are what they are for a box.
+/// Which points of the picture a pixel is a mean of: a product of the same even function of x and y about the
+/// pixel's centre. Random numbers are mapped to points of its density, so that all samples count equally and
+/// each belongs to one pixel: tiles stay independent, and means, halves and variances are what they are for a
+/// box.
 /// Source: Ernst, Stamminger and Greiner 2006, "Filter Importance Sampling".
 class PixelFilter {
  public:
@@ -17,14 +18,14 @@ class PixelFilter {
 
   /// A box one pixel wide: the pixel itself.
   PixelFilter() = default;
-  /// `width` in pixels, above 0: the function is 0 beyond half of it. A Gaussian has a standard deviation of a quarter
-  /// of it.
+  /// `width` in pixels, above 0: the function is 0 beyond half of it. A Gaussian has a standard deviation of
+  /// a quarter of it.
   PixelFilter(Kind kind, float width);
 
   float width() const { return width_; }
 
-  /// Distance from the pixel's left or upper border, in pixels: `u` of [0, 1) mapped to the density. 0.5 is the pixel's
-  /// centre; a box one pixel wide maps every number to itself.
+  /// Distance from the pixel's left or upper border, in pixels: `u` of [0, 1) mapped to the density. 0.5 is
+  /// the pixel's centre; a box one pixel wide maps every number to itself.
   float Warp(float u) const {
     if (table_ == nullptr) return width_ == 1 ? u : 0.5f + (u - 0.5f) * width_;
     const float place = u * kSteps;

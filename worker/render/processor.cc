@@ -29,7 +29,8 @@ float ApproximateReciprocalRoot(float x) { return _mm_cvtss_f32(_mm_rsqrt_ps(_mm
 
 #else
 
-/// Of the register FPCR: flush to zero, with which operands count as zero too. All other bits 0: round to nearest, no traps.
+/// Of the register FPCR: flush to zero, with which operands count as zero too. All other bits 0: round to
+/// nearest, no traps.
 constexpr uint64_t kFloatEnvironment = uint64_t{1} << 24;
 
 uint64_t FloatEnvironment() {
@@ -44,8 +45,8 @@ float ApproximateReciprocalRoot(float x) { return vrsqrtes_f32(x); }
 
 #endif
 
-/// The results depend on the high bits of the mantissa and, for the root, on the lowest bit of the exponent: these inputs
-/// cover [1, 4) in steps of 2^-13 and 2^-12.
+/// The results depend on the high bits of the mantissa and, for the root, on the lowest bit of the exponent:
+/// these inputs cover [1, 4) in steps of 2^-13 and 2^-12.
 constexpr uint32_t kFirst = std::bit_cast<uint32_t>(1.0f);
 constexpr uint32_t kEnd = std::bit_cast<uint32_t>(4.0f);
 constexpr uint32_t kStep = 1u << 10;

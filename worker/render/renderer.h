@@ -58,8 +58,9 @@ struct RenderCounts {
 /// kInvalidArgument for lens values out of range or a lens with an orthographic camera.
 absl::StatusOr<PictureCamera> MakeCamera(const scene::Scene& scene, const RenderSettings& settings);
 
-/// The name of the class of machines and builds that give the same bits, e.g. "lumifold-0.1.0/embree4-avx2-3f2a":
-/// version, Embree's major version and instruction set, and ApproximationsOfProcessor().
+/// The name of the class of machines and builds that give the same bits, e.g.
+/// "lumifold-0.1.0/embree4-avx2-3f2a": version, Embree's major version and instruction set, and
+/// ApproximationsOfProcessor().
 std::string NumericClass();
 
 /// Renders units of one scene. Threads: after Create() all calls are safe concurrently. One thread renders a
@@ -73,7 +74,8 @@ class Renderer {
   Renderer& operator=(const Renderer&) = delete;
 
   /// Traces `tile_samples` in the pixels of `rect` (within the frame) and returns their sums.
-  /// Shapes: rect's size; channels, as far as the plan's layers go: for each of layers::kHalved its halves *_a
+  /// Shapes: rect's size; channels, as far as the plan's layers go: for each of layers::kHalved its halves
+  /// *_a
   ///         and *_b; layers::kWhole (sums over both halves); samples_a.Y, samples_b.Y (finite samples); and
   ///         layers::LevelPassChannels of each level that any sample has reached. Fragments (see EdgedImage) of the
   ///         edge pixels of RenderGeometry, which are found by four rays a pixel where the tile's mask is not kept;
@@ -82,8 +84,8 @@ class Renderer {
   EdgedImage RenderPass(const Rect& rect, int frame, const TileSamples& tile_samples,
                         RenderCounts* counts) const;
 
-  /// Traces fixed sub-pixel rays in every pixel of `rect`: see RenderGeometryUnit. Once `stop`, which may be null,
-  /// is true it returns within a row of pixels; the result is then incomplete.
+  /// Traces fixed sub-pixel rays in every pixel of `rect`: see RenderGeometryUnit. Once `stop`, which may be
+  /// null, is true it returns within a row of pixels; the result is then incomplete.
   EdgedImage RenderGeometry(const Rect& rect, int frame, const std::atomic<bool>* stop = nullptr) const;
 
   const PictureCamera& camera() const { return camera_; }

@@ -4,16 +4,16 @@
 
 namespace lumifold::render {
 
-/// Russian roulette: which paths go on from a vertex. Those that do count for those that do not, so the picture has the
-/// same mean with any rule; noise and time differ. Sources: Arvo & Kirk 1990; Rath et al. 2022, EARS (the rule by a
-/// path's throughput that costs the least for its noise).
+/// Russian roulette: which paths go on from a vertex. Those that do count for those that do not, so the
+/// picture has the same mean with any rule; noise and time differ. Sources: Arvo & Kirk 1990; Rath et al.
+/// 2022, EARS (the rule by a path's throughput that costs the least for its noise).
 struct Roulette {
-  /// From the first bounce on, a path of throughput t goes on with probability t * percent / 100. 0: with probability
-  /// t from the second bounce on, the rule for scenes of which nothing is known.
+  /// From the first bounce on, a path of throughput t goes on with probability t * percent / 100. 0: with
+  /// probability t from the second bounce on, the rule for scenes of which nothing is known.
   int percent = 0;
 
-  /// Probability with which a path goes on from vertex number `vertex`, the camera's surface being 0. `throughput`
-  /// estimates that of the path after the next step; its greatest channel.
+  /// Probability with which a path goes on from vertex number `vertex`, the camera's surface being 0.
+  /// `throughput` estimates that of the path after the next step; its greatest channel.
   float Survival(int vertex, float throughput) const {
     if (percent == 0) return vertex >= 2 ? std::min(1.0f, throughput) : 1.0f;
     return vertex >= 1 ? std::min(1.0f, throughput * static_cast<float>(percent) * 0.01f) : 1.0f;

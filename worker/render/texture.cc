@@ -85,8 +85,8 @@ Rgba Bilinear(const Texels& texels, const scene::Texture& texture, Vec2 uv) {
   return Interpolate<Rgba>(*texels.image, texture, uv, texels);
 }
 
-/// Interpolates between the two levels whose texels are nearest in size to `width` texels of the picture; at most the
-/// smallest level.
+/// Interpolates between the two levels whose texels are nearest in size to `width` texels of the picture; at
+/// most the smallest level.
 Rgba Trilinear(Texels texels, const MipLevels& levels, const scene::Texture& texture, Vec2 uv, float width) {
   int level = 0;  // the last one whose texels are not wider than `width`
   for (float next = 2; next <= width && level < static_cast<int>(levels.size()); next *= 2) ++level;

@@ -166,7 +166,8 @@ absl::StatusOr<Mesh> GeometryReader::ReadVertices(const tinygltf::Primitive& pri
   if (!source.ok()) return source.status();
   Mesh mesh;
   mesh.material = primitive.material;
-  // First the attributes: corners that are not stored are made for as many vertices as the file claims to have.
+  // First the attributes: corners that are not stored are made for as many vertices as the file claims to
+  // have.
   if (auto s = ReadAttributes(*source, &mesh); !s.ok()) return s;
   auto corners = source->Corners();
   if (!corners.ok()) return corners.status();

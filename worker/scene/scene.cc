@@ -52,8 +52,8 @@ class Extent {
  private:
   static constexpr float kNone = -std::numeric_limits<float>::infinity();
 
-  // Of all points, the largest distance to the right (above) of a plane of the view's slope through the origin, and to the
-  // left (below).
+  // Of all points, the largest distance to the right (above) of a plane of the view's slope through the
+  // origin, and to the left (below).
   std::array<float, 2> upper_ = {kNone, kNone};
   std::array<float, 2> lower_ = {kNone, kNone};
   std::array<float, 2> tangents_;

@@ -163,8 +163,8 @@ struct Bounds {
 Bounds WorldBounds(const Scene& scene);
 
 /// The camera called `name`; the first one if `name` is empty; nullopt if there is no such camera. A scene
-/// without cameras gets a camera that views all of it from the front and slightly above, as large as a frame of this aspect
-/// ratio (width over height) allows.
+/// without cameras gets a camera that views all of it from the front and slightly above, as large as a frame
+/// of this aspect ratio (width over height) allows.
 std::optional<Camera> FindCamera(const Scene& scene, const std::string& name, float aspect);
 
 }  // namespace lumifold::scene

@@ -70,7 +70,7 @@ absl::StatusOr<v1::Plan> PlanJob(const v1::JobSpec& spec, const JobScene& scene)
   return ProtoFromPlan(*plan);
 }
 
-void ObeyPlan(const v1::JobSpec& spec, render::RenderSettings* settings) {
+void ApplyPlan(const v1::JobSpec& spec, render::RenderSettings* settings) {
   if (!spec.has_plan()) return;
   plan::Plan plan;
   plan.max_bounces = settings->max_bounces;

@@ -26,8 +26,8 @@ struct JobScene {
 };
 
 /// Loads the scene and the environment of a job. `progress` grows by one for each file.
-/// Errors: those of `fetch`, scene::LoadGltf and render::Environment::Create; kNotFound for a file that is not
-/// among the job's.
+/// Errors: those of `fetch`, scene::LoadGltf and render::Environment::Create; kNotFound for a file that is
+/// not among the job's.
 absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchAsset fetch,
                                       DecodedCache* decoded, std::atomic<int64_t>* progress);
 

@@ -144,7 +144,7 @@ absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& 
   absl::StatusOr<JobScene> job = LoadScene(spec, unit, progress);
   if (!job.ok()) return job.status();
   const bool animated = job->scene->animated;
-  ObeyPlan(spec, &job->settings);
+  ApplyPlan(spec, &job->settings);
   absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
       render::Renderer::Create(std::move(job->scene), job->settings);
   if (!renderer.ok()) return NamingScene(renderer.status(), spec);

@@ -37,8 +37,8 @@ struct UnitControl {
 };
 
 /// Renders leased units. Loads the scene of a job for its first unit and keeps it for the next ones; an
-/// animated scene is loaded for each frame, but its pictures are decoded once. The scene of a plan unit is kept for the
-/// first unit after it.
+/// animated scene is loaded for each frame, but its pictures are decoded once. The scene of a plan unit is
+/// kept for the first unit after it.
 /// Threads: safe concurrently; threads that need a scene that is being loaded wait for it.
 class UnitRenderer {
  public:
@@ -46,8 +46,8 @@ class UnitRenderer {
   explicit UnitRenderer(AssetSource* assets) : assets_(assets) {}
 
   /// Errors: those of AssetSource, scene::LoadGltf and render::Renderer::Create, each naming the job's scene;
-  /// kDataLoss where more than 1 % of the samples are not finite; kCancelled once control->stop is true (at the
-  /// latest after a packet of rays, but a scene is loaded to the end, for the next units of the job).
+  /// kDataLoss where more than 1 % of the samples are not finite; kCancelled once control->stop is true (at
+  /// the latest after a packet of rays, but a scene is loaded to the end, for the next units of the job).
   absl::StatusOr<RenderedUnit> Render(const v1::JobSpec& spec, const v1::Lease& lease, UnitControl* control);
 
   /// Ends scenes that are being loaded at their next file, with kCancelled; none is loaded any more.

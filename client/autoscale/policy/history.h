@@ -28,7 +28,8 @@ struct Charge {
   double CoreSeconds() const { return cores * absl::ToDoubleSeconds(until - from); }
 };
 
-/// What the policy has to remember. All of it but `seen` is kept over restarts (client/autoscale/state_file.h).
+/// What the policy has to remember. All of it but `seen` is kept over restarts
+/// (client/autoscale/state_file.h).
 struct History {
   Backoff refusals;
   Backoff deaths;
@@ -49,12 +50,12 @@ struct History {
   double UsedCoreSeconds() const;
 };
 
-/// Charges the requests that run. A request that is no longer shown is charged until now: the budget may be charged for
-/// the time between two looks too much, and never too little.
+/// Charges the requests that run. A request that is no longer shown is charged until now: the budget may be
+/// charged for the time between two looks too much, and never too little.
 void ChargeRequests(absl::Time now, const EngineState& engine, const Limits& limits, History* history);
 
-/// Counts requests that died at their start, once each, all of one look as one failure; ends the backoff once a worker
-/// has lived longer than that.
+/// Counts requests that died at their start, once each, all of one look as one failure; ends the backoff once
+/// a worker has lived longer than that.
 void CountDeaths(absl::Time now, const EngineState& engine, const Tuning& tuning, History* history);
 
 }  // namespace lumifold::autoscale

@@ -12,8 +12,8 @@ namespace {
 
 /// Time of a unit that nobody has measured: plans size units so that they take no less.
 constexpr double kLeastUnitSeconds = 2;
-/// A worker is started only if the budget lets all workers run for so long: starting and loading a scene cost tens of
-/// seconds. Half of it uses more of the budget's last minutes; twice of it wastes fewer starts.
+/// A worker is started only if the budget lets all workers run for so long: starting and loading a scene cost
+/// tens of seconds. Half of it uses more of the budget's last minutes; twice of it wastes fewer starts.
 constexpr absl::Duration kWorthStarting = absl::Minutes(5);
 constexpr double kSecondsPerHour = 3600;
 

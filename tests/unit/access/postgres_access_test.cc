@@ -1,4 +1,5 @@
-// The store in PostgreSQL, as several coordinators share it. Runs as one test: all cases share one private server.
+// The store in PostgreSQL, as several coordinators share it. Runs as one test: all cases share one private
+// server.
 #include <gtest/gtest.h>
 
 #include <memory>

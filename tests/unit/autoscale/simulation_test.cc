@@ -20,8 +20,8 @@ TEST(AutoscaleSimulation, DrainsABurstAndLetsAllWorkersGo) {
   const AutoscaleCase scenario = AutoscaleCaseNamed("burst");
   const AutoscaleResult result = Simulate(scenario);
   EXPECT_EQ(result.units_done, 4000);
-  // What is asked for at the first look finishes within finish_within; then come a pause and a start of the others once
-  // the time of a unit is known, which is three times what was assumed.
+  // What is asked for at the first look finishes within finish_within; then come a pause and a start of the
+  // others once the time of a unit is known, which is three times what was assumed.
   const double ideal = absl::ToDoubleSeconds(scenario.tuning.finish_within);
   EXPECT_LE(result.last_done, 1.5 * ideal);
   EXPECT_EQ(result.busy_released, 0);

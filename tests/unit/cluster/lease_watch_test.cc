@@ -18,7 +18,8 @@ constexpr absl::Duration kRead = absl::Milliseconds(500);
 
 class LeaseWatchTest : public ::testing::Test {
  protected:
-  /// Reads once more; the members with these epochs have renewed meanwhile. Returns the epochs of those that have expired.
+  /// Reads once more; the members with these epochs have renewed meanwhile. Returns the epochs of those that
+  /// have expired.
   std::vector<int64_t> Read(const std::vector<int64_t>& renewed, absl::Duration pause = kRead) {
     now_ += pause;
     for (Member& member : members_) {

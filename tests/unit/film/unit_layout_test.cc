@@ -58,7 +58,8 @@ TEST(UnitLayout, AnEdgeSetMustBeOfItsTile) {
 
 constexpr Rect kWholeTile = {0, 0, 32, 32};
 
-/// Four fragments in each pixel of a tile. Most of its planes are constant, one is compressed, and one has whole numbers.
+/// Four fragments in each pixel of a tile. Most of its planes are constant, one is compressed, and one has
+/// whole numbers.
 LayeredImage LongList() {
   const int rows = 4 * kWholeTile.width() * kWholeTile.height();
   LayeredImage list = LayeredImage::List(1, rows);

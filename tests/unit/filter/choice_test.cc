@@ -172,8 +172,8 @@ TEST(Choice, ComparesMixedPixelsApart) {
 }
 
 TEST(Choice, ComparesPixelsOfSeveralSurfacesByTheirSurfaces) {
-  // In each fourth column two surfaces of light 0 and 2 cover a half of each pixel. F blurs them into each other, which
-  // leaves their mean as it is; G does not. At all other pixels F is the truth, and G is not.
+  // In each fourth column two surfaces of light 0 and 2 cover a half of each pixel. F blurs them into each
+  // other, which leaves their mean as it is; G does not. At all other pixels F is the truth, and G is not.
   const auto has_points = [](int x) { return x % 4 == 0; };
   const Candidate noisy = Noisy(kNoise, 7);
   Candidate f = Changed(noisy, [](int, int, float, float truth) { return truth; });

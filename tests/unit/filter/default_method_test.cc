@@ -24,8 +24,8 @@ namespace {
 
 constexpr std::array<int, 2> kStruck = {30, 70};  // on the wall
 
-/// Mean square error of all pixels but the one that was struck and the worst 0.2 %. A few pixels at a corner of the
-/// shadow have a third of all error, and change with the least change of the guide.
+/// Mean square error of all pixels but the one that was struck and the worst 0.2 %. A few pixels at a corner
+/// of the shadow have a third of all error, and change with the least change of the guide.
 double ErrorAround(const ConstColorView& picture, const SyntheticFilm& synthetic) {
   const ConstColorView truth = std::as_const(synthetic.truth).GetColor(layers::kBeauty);
   std::vector<double> errors;
@@ -57,7 +57,8 @@ void Strike(float times, LayeredImage* film) {
   }
 }
 
-/// Makes D of each half as noisy as if one of `rarity` samples hit light that is so many times as bright, of 8 samples.
+/// Makes D of each half as noisy as if one of `rarity` samples hit light that is so many times as bright, of
+/// 8 samples.
 void MakeLightRare(uint32_t rarity, uint32_t seed, LayeredImage* film) {
   std::mt19937 random(seed);
   ForEachPixel(film->width(), film->height(), [&](int x, int y) {
@@ -95,8 +96,8 @@ double Roughness(const ConstColorView& picture, const SyntheticFilm& synthetic) 
 }
 
 TEST(DefaultMethod, RareLightLeavesFewSpecks) {
-  // Outliers are taken out where the other half contradicts them. What is left agrees by selection: compared with that, a part
-  // of the noisy layer passes for detail, and .038 of its roughness stays.
+  // Outliers are taken out where the other half contradicts them. What is left agrees by selection: compared
+  // with that, a part of the noisy layer passes for detail, and .038 of its roughness stays.
   SyntheticFilm synthetic = MakeSyntheticFilm(160, 120, 0.05f, 4);
   MakeLightRare(60, 7, &synthetic.film);
   const double noisy = Roughness(std::as_const(synthetic.film).GetColor(layers::kNoisy), synthetic);
@@ -143,7 +144,8 @@ TEST(DefaultMethod, ReturnedEnergyIsMostOfTheNoiseOfRareLight) {
     of_all.push_back(pixel.all);
     of_local.push_back(pixel.local);
   }
-  // The part of it that returns, 1 - 1/n of n outliers, is the same for both halves, so that they do not show all.
+  // The part of it that returns, 1 - 1/n of n outliers, is the same for both halves, so that they do not show
+  // all.
   EXPECT_GT(MedianOf(of_all), 0.3 * MedianOf(variance));
   EXPECT_LT(MedianOf(of_all), 1.2 * MedianOf(variance));
   EXPECT_LT(MedianOf(of_local), 0.1 * MedianOf(variance));

@@ -65,8 +65,8 @@ TEST(FilterFilm, NeverMakesThePictureWorse) {
 
 TEST(FilterFilm, ConvergesToTheInputAsNoiseVanishes) {
   const SyntheticFilm synthetic = MakeSyntheticFilm(96, 72, 0.0f, 3);
-  // The choice keeps a trace of the filtered picture: it shrinks shares by the variance of their terms, whatever
-  // causes it.
+  // The choice keeps a trace of the filtered picture: it shrinks shares by the variance of their terms,
+  // whatever causes it.
   EXPECT_LT(ErrorOf(ViewOf(Filter(synthetic.film)), synthetic), 1e-4);
 }
 

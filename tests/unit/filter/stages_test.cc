@@ -91,7 +91,8 @@ TEST(Stages, HaveNamesOfTheirOwnAndSayWhatTheyDo) {
   EXPECT_EQ(std::adjacent_find(names.begin(), names.end()), names.end());
 }
 
-/// The first cells of the table rows between <!-- name --> and <!-- /name --> in docs/method.md, and the rows.
+/// The first cells of the table rows between <!-- name --> and <!-- /name --> in docs/method.md, and the
+/// rows.
 std::vector<std::pair<std::string, std::string>> RowsOfPage(const std::string& name) {
   std::ifstream page(std::string(LUMIFOLD_DOCS_DIR) + "/method.md");
   std::vector<std::pair<std::string, std::string>> rows;

@@ -1,4 +1,5 @@
-// Slow and hostile callers against what the status page and the metrics are served with: their limits, with shorter times.
+// Slow and hostile callers against what the status page and the metrics are served with: their limits, with
+// shorter times.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -31,7 +31,8 @@ class RawCaller {
   bool Send(absl::string_view bytes);
   /// Says that nothing more comes.
   void EndSending();
-  /// What comes until `end` has been seen, the connection ends, or nothing comes for 20 s ("timeout" follows then).
+  /// What comes until `end` has been seen, the connection ends, or nothing comes for 20 s ("timeout" follows
+  /// then).
   std::string ReadTo(absl::string_view end);
   std::string ReadAll() { return ReadTo("no answer has this"); }
   /// SHA-256 of the server's certificate.

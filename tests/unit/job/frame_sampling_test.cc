@@ -39,7 +39,8 @@ double MeanCost(const Allocation& samples, const std::vector<double>& costs) {
   return sum / (MeanOf(costs) * static_cast<double>(samples.size()));
 }
 
-/// Runs all rounds of a frame whose errors decline as the policy assumes, and counts the estimates that compare pictures.
+/// Runs all rounds of a frame whose errors decline as the policy assumes, and counts the estimates that
+/// compare pictures.
 FrameSampling RunFrame(const SamplingSettings& settings, const std::vector<double>& amplitudes,
                        const std::vector<double>& costs, int* comparisons = nullptr) {
   FrameSampling sampling(settings);

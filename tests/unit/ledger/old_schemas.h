@@ -1,6 +1,7 @@
 #pragma once
 
-// The tables of ledgers that earlier versions of Lumifold wrote, and rows in them. They do not change any more.
+// The tables of ledgers that earlier versions of Lumifold wrote, and rows in them. They do not change any
+// more.
 
 namespace lumifold::ledger {
 
@@ -48,8 +49,8 @@ CREATE TABLE warnings(
 PRAGMA user_version=2;
 )";
 
-/// An active job with a recorded and an unrecorded frame, a job that has ended, and one whose spec is damaged. The spec
-/// has width 640 and a scene "room.glb" with the dependency "wood.png".
+/// An active job with a recorded and an unrecorded frame, a job that has ended, and one whose spec is
+/// damaged. The spec has width 640 and a scene "room.glb" with the dependency "wood.png".
 inline constexpr char kRowsOfSchema2[] = R"(
 INSERT INTO jobs(number, id, request_id, spec, state, numeric_class, submitted_ms, started_ms, units_done,
                  samples_done, bad_samples, filter_seconds) VALUES

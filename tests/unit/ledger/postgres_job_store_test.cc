@@ -171,7 +171,8 @@ TEST_F(PostgresJobStoreTest, TwoCoordinatorsOpenCreateAndCommitAtOnce) {
         UnitRecord unit = Unit("j-a", 0, tile, 0);
         unit.attempt = job::Attempt(unit.attempt.value() + i);  // each has rendered it
         absl::StatusOr<std::vector<absl::Status>> outcomes = absl::UnavailableError("not asked yet");
-        // A machine that stands still for idle_in_transaction_session_timeout loses the transaction, as a coordinator may.
+        // A machine that stands still for idle_in_transaction_session_timeout loses the transaction, as a
+        // coordinator may.
         while (absl::IsUnavailable(outcomes.status()))
           outcomes = (*store)->CommitUnits({Commit("j-a", {unit})});
         ASSERT_TRUE(outcomes.ok()) << outcomes.status();

@@ -52,7 +52,8 @@ std::string IntegrityOf(const std::string& path) {
 
 class SqliteFaultTest : public ::testing::Test {
  protected:
-  /// Runs steps from `first` on until the end, or until one of them fails `tries` times; returns how many were done.
+  /// Runs steps from `first` on until the end, or until one of them fails `tries` times; returns how many
+  /// were done.
   size_t RunFrom(size_t first, int tries) {
     for (size_t i = first; i < expected_.history.size(); ++i) {
       if (i % kReopenBefore == 0) store_.reset();
@@ -114,8 +115,8 @@ class SqliteFaultTest : public ::testing::Test {
     }
   }
 
-  /// A power cut at each change of a file in turn: what was acknowledged is there, what was not is there wholly or not
-  /// at all, and the history goes on.
+  /// A power cut at each change of a file in turn: what was acknowledged is there, what was not is there
+  /// wholly or not at all, and the history goes on.
   void CutPowerAtEachCall(Survivors survivors) {
     for (int64_t call = 1;; ++call) {
       SCOPED_TRACE(absl::StrCat("call ", call));

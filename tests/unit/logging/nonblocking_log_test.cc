@@ -14,8 +14,8 @@
 namespace lumifold::logging {
 namespace {
 
-/// A pipe that nobody reads until the test does. It stays open: a thread of an ended log may still wait for it,
-/// and must not meet the pipe of another test under the same number.
+/// A pipe that nobody reads until the test does. It stays open: a thread of an ended log may still wait for
+/// it, and must not meet the pipe of another test under the same number.
 class NonblockingLogTest : public testing::Test {
  protected:
   NonblockingLogTest() {

@@ -194,7 +194,8 @@ TEST(EstimateError, LeavesBlocksApartThatTheFilterTreatsUnlike) {
 }
 
 TEST(EstimateError, DrawsABlockTowardsThoseOfItsDetail) {
-  // The left half has a pattern, and the filter leaves ten times as much noise there; one of its blocks had luck.
+  // The left half has a pattern, and the filter leaves ten times as much noise there; one of its blocks had
+  // luck.
   const LayeredImage film = MakeFilm(32);
   FilteredPicture filtered = FilterHalves(film, 0.03f, 0);
   Roughen(film, 0, kWidth / 2, 0.3f, 1, &filtered);
@@ -205,8 +206,8 @@ TEST(EstimateError, DrawsABlockTowardsThoseOfItsDetail) {
 }
 
 TEST(EstimateError, DrawsABlockTowardsThoseOfItsEdges) {
-  // The left half's blocks have an edge pixel each, and the filter leaves ten times as much noise there. All have the same
-  // pattern.
+  // The left half's blocks have an edge pixel each, and the filter leaves ten times as much noise there. All
+  // have the same pattern.
   const LayeredImage film = MakeFilm(32);
   FilteredPicture filtered = FilterHalves(film, 0.03f, 0);
   Roughen(film, 0, kWidth, 0.03f, 1, &filtered);

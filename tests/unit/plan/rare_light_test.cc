@@ -1,5 +1,5 @@
-// Light that the probe hardly sees, or does not see at all, is still in the planned picture: its mean is that of the full
-// plan, as far as the standard error of many independent renderings tells.
+// Light that the probe hardly sees, or does not see at all, is still in the planned picture: its mean is that
+// of the full plan, as far as the standard error of many independent renderings tells.
 #include "tests/support/rare_light.h"
 
 #include <gtest/gtest.h>
@@ -25,7 +25,8 @@ struct Part {
   int renderings = 6;
 };
 
-/// Means of C over a part of the picture. Every rendering has random numbers of its own: those of another frame.
+/// Means of C over a part of the picture. Every rendering has random numbers of its own: those of another
+/// frame.
 std::vector<double> MeansOf(const Scene& scene, const render::RenderSettings& settings, const Part& part) {
   const auto renderer = render::MakeRenderer(scene, settings);
   std::vector<double> means;
@@ -59,8 +60,8 @@ render::RenderSettings Obeying(render::RenderSettings settings, const Plan& plan
   return settings;
 }
 
-/// Expects the mean of C to be that of the full plan within 3 standard errors of the paired differences, which must be
-/// small enough to see a hundredth of it missing.
+/// Expects the mean of C to be that of the full plan within 3 standard errors of the paired differences,
+/// which must be small enough to see a hundredth of it missing.
 void ExpectUnbiased(const Scene& scene, const PlanSettings& settings, const Plan& plan, const Part& part) {
   const std::vector<double> full = MeansOf(scene, settings.render, part);
   std::vector<double> differences = MeansOf(scene, Obeying(settings.render, plan), part);

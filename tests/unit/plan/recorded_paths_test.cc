@@ -36,12 +36,13 @@ TEST(RecordedPaths, APathThatAlwaysGoesOnBringsAllOfItsLight) {
 }
 
 TEST(RecordedPaths, CostsAreTheExpectationOverTheRulesDecisions) {
-  // By its throughput it goes on in 1 of 2, then, with the throughput that makes up for it, in 1 of 2 again: it brings 1,
-  // 1 + 2 * 3 or 1 + 2 * 3 + 4 * 2.
+  // By its throughput it goes on in 1 of 2, then, with the throughput that makes up for it, in 1 of 2 again:
+  // it brings 1, 1 + 2 * 3 or 1 + 2 * 3 + 4 * 2.
   const PathCosts costs = CostsWith({.percent = 100});
   EXPECT_DOUBLE_EQ(costs.noise, 3 * (0.5 * 1 * 1 + 0.25 * 7 * 7 + 0.25 * 15 * 15));
   EXPECT_DOUBLE_EQ(costs.rays, 0.5 * 2 + 0.25 * 4 + 0.25 * 5);
-  // The usual rule lets it go on from the first bounce, and decides by the throughput of 1/4 at the second one.
+  // The usual rule lets it go on from the first bounce, and decides by the throughput of 1/4 at the second
+  // one.
   const PathCosts usual = CostsWith({});
   EXPECT_DOUBLE_EQ(usual.noise, 3 * (0.75 * 4 * 4 + 0.25 * 12 * 12));
   EXPECT_DOUBLE_EQ(usual.rays, 0.75 * 4 + 0.25 * 5);

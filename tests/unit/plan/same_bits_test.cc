@@ -1,5 +1,5 @@
-// A plan leaves out only what the scene does not need: the planned picture has the bits of the full one, and the
-// channels that it lacks are 0 there.
+// A plan leaves out only what the scene does not need: the planned picture has the bits of the full one, and
+// the channels that it lacks are 0 there.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -34,8 +34,8 @@ Scene TexturedRoom(scene::AlphaMode mode, uint8_t alpha) {
   return room;
 }
 
-/// A sheet of the box whose material has this texel, alone, as its metallic-roughness picture: a mirror if it is black in
-/// its roughness and white in its metallic channel.
+/// A sheet of the box whose material has this texel, alone, as its metallic-roughness picture: a mirror if it
+/// is black in its roughness and white in its metallic channel.
 Scene RoomWithOneTexel(const std::vector<uint8_t>& texel) {
   Scene room = LitBox(Gray());
   Material metal = Mirror();

@@ -132,8 +132,8 @@ TEST(GeometryUnit, IsIndependentOfTiles) {
   }
 }
 
-/// Root mean square of what sub-samples' E at the rim of a lamp of this slope and radiance says of its share of a pixel, less
-/// the true share.
+/// Root mean square of what sub-samples' E at the rim of a lamp of this slope and radiance says of its share
+/// of a pixel, less the true share.
 double ErrorOfShares(float slope, float radiance) {
   constexpr int kSize = 24;
   constexpr uint32_t kSamples = 4096;
@@ -217,8 +217,8 @@ TEST(GeometryUnit, AnEdgePixelIsTheMeanOfItsSubSamples) {
   EXPECT_EQ(mixed, 9);  // one column of pixels lies across the plane's end
 }
 
-/// A camera whose pixels are 0.1 m wide on the plane z = -5, and a lamp there from `from` pixels below the picture's middle
-/// downwards, over its whole width.
+/// A camera whose pixels are 0.1 m wide on the plane z = -5, and a lamp there from `from` pixels below the
+/// picture's middle downwards, over its whole width.
 scene::Scene LampBelow(float from) {
   scene::Scene scene;
   scene.materials = {testing::Emitter({900, 1000, 1100}), testing::Lambert({0.5f, 0.5f, 0.5f})};
@@ -241,7 +241,8 @@ float MeanOfSubSamples(const LayeredImage& edges, std::string_view channel, int 
   return 0;
 }
 
-// The lamp covers a slice of the pixels of row 4 that is thinner than the distance of the sub-samples from the border.
+// The lamp covers a slice of the pixels of row 4 that is thinner than the distance of the sub-samples from
+// the border.
 TEST(GeometryUnit, AThinSliceOfALampHasItsShareOfThePixel) {
   for (const float slice : {0.02f, 0.1f, 0.2f, 0.9f}) {
     const LayeredImage edges = GeometryOf(LampBelow(-slice), 10, 10).edges;

@@ -1,4 +1,5 @@
-// Small files that claim to be huge: each is refused by its header, before memory is taken for what it claims.
+// Small files that claim to be huge: each is refused by its header, before memory is taken for what it
+// claims.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

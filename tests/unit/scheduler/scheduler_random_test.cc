@@ -1,7 +1,7 @@
 // Random histories checked against a model of the rules: for any events in any order each unit is committed
 // exactly once, no unit is lost, a void lease delivers nothing, all units of a job are of one numeric class,
-// paused jobs and drained or blocked workers get no leases, units of faulty workers are rendered again, the figures
-// count every unit once, and a restart at any time preserves this.
+// paused jobs and drained or blocked workers get no leases, units of faulty workers are rendered again, the
+// figures count every unit once, and a restart at any time preserves this.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -43,7 +43,8 @@ struct ModelLease {
 
 class RandomHistory {
  public:
-  /// In every second history units come into quarantine, in every third there are workers that deliver wrong pixels.
+  /// In every second history units come into quarantine, in every third there are workers that deliver wrong
+  /// pixels.
   explicit RandomHistory(uint32_t seed)
       : random_(seed), max_lost_workers_(seed % 2 == 0 ? 2 : 1'000'000), has_liars_(seed % 3 == 0) {
     for (int i = 0; i < 2; ++i) {

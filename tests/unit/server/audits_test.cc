@@ -1,4 +1,5 @@
-// Workers that deliver wrong pixels: a share of the units is rendered twice, and what they delivered is rendered again.
+// Workers that deliver wrong pixels: a share of the units is rendered twice, and what they delivered is
+// rendered again.
 #include <gmock/gmock.h>
 
 #include "server/job/job_state.h"
@@ -10,7 +11,8 @@ namespace {
 
 using ::testing::ElementsAre;
 
-/// So many that a job without an audited unit is as good as impossible: which ones are audited depends on the job's id.
+/// So many that a job without an audited unit is as good as impossible: which ones are audited depends on the
+/// job's id.
 constexpr int kTiles = 16;
 constexpr size_t kUnits = 2 * kTiles;
 constexpr uint32_t kWrong = 2;

@@ -42,7 +42,8 @@ class CommittedFrameFixture : public ::testing::Test {
     return spec;
   }
 
-  /// Commits the units of frame 0 of a job for which `has` is true, from the last to the first, or in order if `is_forward`.
+  /// Commits the units of frame 0 of a job for which `has` is true, from the last to the first, or in order
+  /// if `is_forward`.
   void Commit(
       const job::JobId& id, const v1::JobSpec& spec, bool is_forward = false,
       const std::function<bool(const job::UnitKey&)>& has = [](const job::UnitKey&) { return true; }) {

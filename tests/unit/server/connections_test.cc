@@ -55,7 +55,8 @@ TEST_F(ConnectionsTest, ASlowWatcherSkipsStatesButGetsTheLast) {
   v1::JobSpec spec = Spec();
   spec.set_frame_count(10);
   const std::string job = *Submit(spec);
-  // What a connection takes before the watcher reads would grow with its speed, to half of the states and more.
+  // What a connection takes before the watcher reads would grow with its speed, to half of the states and
+  // more.
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
   arguments.SetInt(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, 1 << 16);

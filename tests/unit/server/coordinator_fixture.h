@@ -25,7 +25,8 @@ namespace lumifold::server {
 /// A worker without a connection: it delivers RandomUnit, or MadeUpPlan, for its leases when it is told to.
 class PumpedWorker final : public WorkerSink {
  public:
-  /// The coordinator must outlive it. Workers with equal seeds deliver equal pixels. `caller`: whose connection it is.
+  /// The coordinator must outlive it. Workers with equal seeds deliver equal pixels. `caller`: whose
+  /// connection it is.
   PumpedWorker(Coordinator* coordinator, int slots, const std::string& name = "pumped", uint32_t seed = 1,
                const access::Identity& caller = access::LocalIdentity());
   /// The next connection of the same process, which has these units in hand. The last one may still be open.
@@ -67,8 +68,8 @@ class PumpedWorker final : public WorkerSink {
   std::unique_ptr<WorkerSession> session_;  // last: it uses the members above
 };
 
-/// A coordinator without gRPC over faulty files, and a client's calls. It retries at once, and storage that cannot be
-/// written is tried every millisecond.
+/// A coordinator without gRPC over faulty files, and a client's calls. It retries at once, and storage that
+/// cannot be written is tried every millisecond.
 class CoordinatorFixture : public ::testing::Test {
  protected:
   CoordinatorFixture() : data_(folder_.PathOf("data"), &files_) {}

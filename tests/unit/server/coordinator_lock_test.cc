@@ -10,8 +10,8 @@
 namespace lumifold::server {
 namespace {
 
-/// Takes the coordinator's lock on a thread of its own while another thread is inside a call: that ends only if the
-/// caller does not hold the lock.
+/// Takes the coordinator's lock on a thread of its own while another thread is inside a call: that ends only
+/// if the caller does not hold the lock.
 class LockProbe {
  public:
   LockProbe() : thread_([this] { Run(); }) {}

@@ -1,5 +1,6 @@
-// One small job, with a fault at every single call that changes a file, in turn: the picture is right after each, and
-// nothing that was acknowledged is lost. The schedule is enumerated until the job ends without reaching the fault.
+// One small job, with a fault at every single call that changes a file, in turn: the picture is right after
+// each, and nothing that was acknowledged is lost. The schedule is enumerated until the job ends without
+// reaching the fault.
 #include <cerrno>
 #include <filesystem>
 

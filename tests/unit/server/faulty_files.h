@@ -13,8 +13,8 @@
 
 namespace lumifold::server {
 
-/// The real files, with faults: any call can fail, and the machine can stop at any call and forget what was not synced.
-/// Nothing is really synced, so that tests are fast.
+/// The real files, with faults: any call can fail, and the machine can stop at any call and forget what was
+/// not synced. Nothing is really synced, so that tests are fast.
 class FaultyFiles final : public FileSystem {
  public:
   /// Call number `call`, from 1, fails once with `error` (errno).

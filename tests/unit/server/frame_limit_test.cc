@@ -57,7 +57,8 @@ TEST(OpenLogs, ClosesTheOneThatWasUsedLeastRecently) {
   EXPECT_EQ(opened.size(), 5u);
 }
 
-/// Finishes frames without a result, and only when no unit is being rendered any more: so frames pile up before it.
+/// Finishes frames without a result, and only when no unit is being rendered any more: so frames pile up
+/// before it.
 class SlowFinisher final : public FrameFinisher {
  public:
   absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob&, int32_t) override {

@@ -48,7 +48,7 @@ void GateFixture::StartGate(const CallLimits& calls, const JobLimits& jobs) {
                                                    .shut_out = [this](absl::string_view) { ++shut_out_; }});
   previews_ = std::make_unique<PreviewMaker>(
       PreviewOptions{.make = [](const job::JobId&, int32_t,
-                                const PreviewWish&) { return absl::OutOfRangeError("no preview here"); },
+                                const PreviewRequest&) { return absl::OutOfRangeError("no preview here"); },
                      .count_units = [this](const job::JobId& job,
                                            int32_t frame) { return coordinator_->CountUnits(job, frame); }});
   services_ = MakeServices({.submissions = &coordinator_->submissions(),

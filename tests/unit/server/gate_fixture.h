@@ -25,7 +25,8 @@ class BelievedCallers final : public access::Callers {
   absl::StatusOr<access::Identity> Of(const grpc::CallbackServerContext& context) const override;
 };
 
-/// The calls of a coordinator as their callers see them: through the services and their gate, inside the process.
+/// The calls of a coordinator as their callers see them: through the services and their gate, inside the
+/// process.
 class GateFixture : public CoordinatorFixture {
  protected:
   ~GateFixture() override { StopGate(); }
@@ -49,7 +50,8 @@ class GateFixture : public CoordinatorFixture {
     const auto context = As(caller);
     return (farm_.get()->*method)(context.get(), request, response);
   }
-  /// Makes any call by its path, with an empty message, until its end; the end of one that has none is its first answer.
+  /// Makes any call by its path, with an empty message, until its end; the end of one that has none is its
+  /// first answer.
   grpc::Status CallByPath(const std::string& caller, const std::string& path);
   /// Submits Spec() in the name of a caller; `user` is scheduling.user.
   grpc::Status SubmitAs(const std::string& caller, const std::string& request_id, const std::string& user,
@@ -61,7 +63,8 @@ class GateFixture : public CoordinatorFixture {
   /// Moves the gate's clock, which streams read at the same time.
   void Advance(absl::Duration duration) { seconds_ = seconds_ + absl::ToDoubleSeconds(duration); }
   size_t EndStalledStreams() { return gate_->EndStalledStreams(); }
-  /// How often the gate's clock was read: streams do so when they begin to wait for their other end, and when it moves.
+  /// How often the gate's clock was read: streams do so when they begin to wait for their other end, and when
+  /// it moves.
   int clock_reads() const { return clock_reads_; }
 
   access::OpenCalls open_calls_;

@@ -29,8 +29,8 @@ const std::string kServing = "\x08\x01";
 const std::string kNotServing = "\x08\x02";
 const std::string kServiceUnknown = "\x08\x03";
 
-/// A call that sends one message and receives several, without generated code: services that every gRPC client may call
-/// are called by their names.
+/// A call that sends one message and receives several, without generated code: services that every gRPC
+/// client may call are called by their names.
 class GenericStream {
  public:
   GenericStream(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,

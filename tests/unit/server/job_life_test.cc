@@ -1,4 +1,5 @@
-// What happens to jobs after their submission: they wait for others, get more samples, are rendered again, deleted.
+// What happens to jobs after their submission: they wait for others, get more samples, are rendered again,
+// deleted.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -81,14 +81,16 @@ class LimitsTest : public GateFixture {
     context_ = As(kAnn);
     return farm().DownloadResult(context_.get(), request);
   }
-  /// The same, until the coordinator waits for the reader: looks at the clock are for the rate of calls and for that.
+  /// The same, until the coordinator waits for the reader: looks at the clock are for the rate of calls and
+  /// for that.
   std::unique_ptr<grpc::ClientReader<v1::ByteChunk>> AwaitDownload() {
     const int before = clock_reads();
     auto reader = Download();
     Await([&] { return clock_reads() == before + 2; });
     return reader;
   }
-  /// Announces the asset 1, until the coordinator waits for its first bytes: as above, and then the announcement has moved.
+  /// Announces the asset 1, until the coordinator waits for its first bytes: as above, and then the
+  /// announcement has moved.
   HalfUpload* AwaitUpload() {
     const int before = clock_reads();
     HalfUpload* upload = Announce(kAnn, 1, kAssetBytes);
@@ -104,8 +106,8 @@ class LimitsTest : public GateFixture {
     });
   }
 
-  /// Of the only stream: moves a message with `move`, then the clock by `pause`, until the stream is ended; at most `most`
-  /// times. Returns how often.
+  /// Of the only stream: moves a message with `move`, then the clock by `pause`, until the stream is ended;
+  /// at most `most` times. Returns how often.
   int Drip(int most, absl::Duration pause, const std::function<void()>& move) {
     int moved = 0;
     for (size_t ended = 0; moved < most && ended == 0; ++moved) {

@@ -64,8 +64,8 @@ class ListenerTest : public ::testing::Test {
     connected_.push_back(connected);
     return connected;
   }
-  /// Whether a connection from 127.0.0.`host` comes about, before its first packet would be sent again. It begins as it
-  /// should and is closed on this side only, so that it counts as no refusal.
+  /// Whether a connection from 127.0.0.`host` comes about, before its first packet would be sent again. It
+  /// begins as it should and is closed on this side only, so that it counts as no refusal.
   bool IsAnswered(uint32_t host) {
     const int asking = socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK, 0);
     sockaddr_in address = {};

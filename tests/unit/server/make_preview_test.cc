@@ -69,7 +69,8 @@ TEST_F(MakePreviewTest, TheErrorIsMissingWhereTheMethodDoesNotKnowIt) {
 }
 
 TEST_F(MakePreviewTest, TilesWithoutPassesAreBlackAndOthersHaveTheSamplesThatTheyHave) {
-  // Of four tiles, the first has all passes, the second the first pass, the third its geometry, the fourth nothing.
+  // Of four tiles, the first has all passes, the second the first pass, the third its geometry, the fourth
+  // nothing.
   Commit(kJob, Spec(16, 16), /*is_forward=*/true, [](const job::UnitKey& key) {
     const bool is_geometry = key.kind == v1::UNIT_KIND_GEOMETRY;
     return key.tile == 0 || (key.tile == 1 && key.pass == 0) || (key.tile == 2 && is_geometry);

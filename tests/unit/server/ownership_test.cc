@@ -122,8 +122,8 @@ class OwnershipTest : public GateFixture {
   int requests_ = 0;
 };
 
-// Every cell of the table, through the services. What the health, reflection and access services answer is tested where
-// they are served.
+// Every cell of the table, through the services. What the health, reflection and access services answer is
+// tested where they are served.
 TEST_F(OwnershipTest, EachCellOfTheTableHolds) {
   int cells = 0;
   for (const access::Rule& rule : access::Rules()) {

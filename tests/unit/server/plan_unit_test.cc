@@ -1,4 +1,5 @@
-// The coordinator commits the plan of a job before it divides it. Faults at every write: fault_enumeration_test.cc.
+// The coordinator commits the plan of a job before it divides it. Faults at every write:
+// fault_enumeration_test.cc.
 #include <gmock/gmock.h>
 
 #include "server/commit/recover.h"

@@ -25,9 +25,9 @@ class PreviewMakerTest : public ::testing::Test {
       if (is_finished_) return absl::FailedPreconditionError("finished");
       return units_.load();
     };
-    options_.make = [this](const job::JobId& job, int32_t frame, const PreviewWish& wish) -> Result {
+    options_.make = [this](const job::JobId& job, int32_t frame, const PreviewRequest& request) -> Result {
       ++made_;
-      if (wish.urgent) ++urgent_;
+      if (request.urgent) ++urgent_;
       if (units_ == 0) return absl::OutOfRangeError("no units");
       v1::Preview preview;
       preview.set_units(units_);
@@ -43,9 +43,10 @@ class PreviewMakerTest : public ::testing::Test {
   void LeaveTimeForTwo() {
     options_.urgent_time = absl::Milliseconds(30);
     options_.urgent_share = 0;
-    options_.make = [make = options_.make](const job::JobId& job, int32_t frame, const PreviewWish& wish) {
+    options_.make = [make = options_.make](const job::JobId& job, int32_t frame,
+                                           const PreviewRequest& request) {
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
-      return make(job, frame, wish);
+      return make(job, frame, request);
     };
   }
   void Start() { maker_ = std::make_unique<PreviewMaker>(options_); }
@@ -107,10 +108,10 @@ TEST_F(PreviewMakerTest, TheFirstPicturesAreUrgentAndOthersTakeWhatIsIdle) {
 
 TEST_F(PreviewMakerTest, ARegionIsAPictureOfItsOwn) {
   options_.make = [make = options_.make](const job::JobId& job, int32_t frame,
-                                         const PreviewWish& wish) -> Result {
-    if (wish.region.x1 > 100) return absl::InvalidArgumentError("not within the frame");
-    Result preview = make(job, frame, wish);
-    preview->set_reduction(wish.region.width());
+                                         const PreviewRequest& request) -> Result {
+    if (request.region.x1 > 100) return absl::InvalidArgumentError("not within the frame");
+    Result preview = make(job, frame, request);
+    preview->set_reduction(request.region.width());
     return preview;
   };
   Start();
@@ -172,9 +173,9 @@ TEST_F(PreviewMakerTest, ALayerThatThereIsNotIsRefused) {
 TEST_F(PreviewMakerTest, ErrorsReachThoseWhoWaitAndTheNextOneMayWork) {
   std::atomic<bool> fails = true;
   options_.make = [make = options_.make, &fails](const job::JobId& job, int32_t frame,
-                                                 const PreviewWish& wish) -> Result {
+                                                 const PreviewRequest& request) -> Result {
     if (fails) return absl::InternalError("out of memory");
-    return make(job, frame, wish);
+    return make(job, frame, request);
   };
   Start();
   EXPECT_EQ(Ask("j-a").get().status(), absl::InternalError("out of memory"));

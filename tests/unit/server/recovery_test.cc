@@ -1,4 +1,5 @@
-// What a data folder has beyond its ledger: tails of unit logs, and manifests from which a lost ledger is rebuilt.
+// What a data folder has beyond its ledger: tails of unit logs, and manifests from which a lost ledger is
+// rebuilt.
 #include <gmock/gmock.h>
 
 #include <filesystem>

@@ -132,8 +132,8 @@ TEST(Retention, AJobThatRunsAgainIsForgotten) {
   EXPECT_EQ(retention.film_bytes(), 30u);
 }
 
-// Any history: the sums are those of what is left, and doing what Next says ends within the limits or with nothing
-// that may go.
+// Any history: the sums are those of what is left, and doing what Next says ends within the limits or with
+// nothing that may go.
 TEST(Retention, SumsHoldAndRemovalEnds) {
   for (uint32_t seed = 0; seed < 100; ++seed) {
     std::mt19937 random(seed);

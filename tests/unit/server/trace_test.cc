@@ -64,7 +64,8 @@ class TraceTest : public FarmFixture {
     return texts;
   }
 
-  /// A worker that fails its first unit and sends these lines with the failure; "JOB" in them is the unit's job.
+  /// A worker that fails its first unit and sends these lines with the failure; "JOB" in them is the unit's
+  /// job.
   std::unique_ptr<FakeWorker> FailingWorker(std::vector<std::string> lines) const {
     return Worker({.spoil = [lines = std::move(lines), failed = false](v1::WorkerMessage& message) mutable {
       if (failed || !message.chunk().pixels().last()) return;

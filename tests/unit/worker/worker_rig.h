@@ -21,7 +21,8 @@ inline constexpr char kScene[] = R"({"asset":{"version":"2.0"},"scenes":[{"nodes
   "bufferViews":[{"buffer":0,"byteLength":36}],
   "buffers":[{"byteLength":36,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]})";
 
-/// Leaves out the fragments of passes, so that a pass of a small tile is one message. Heartbeats are kept apart.
+/// Leaves out the fragments of passes, so that a pass of a small tile is one message. Heartbeats are kept
+/// apart.
 class FakeOutbox final : public Outbox {
  public:
   void Send(v1::WorkerMessage message) override {

@@ -1,8 +1,10 @@
 // Storage that cannot be written is never a job's error: what arrives waits, and goes on by itself.
 #include <gmock/gmock.h>
 
+#include <atomic>
 #include <cerrno>
 #include <filesystem>
+#include <memory>
 
 #include "absl/time/clock.h"
 #include "tests/unit/server/coordinator_fixture.h"
@@ -163,6 +165,30 @@ TEST_F(StorageOutageTest, ALogThatAloneCannotBeWrittenIsSetAsideAndItsUnitsAreRe
   worker.reset();
   Stop();
   EXPECT_EQ(CountInLog("event=units_lost"), 1);
+}
+
+TEST_F(StorageOutageTest, ErrorsOfALogCountFromItsLastSuccess) {
+  const job::JobId job = Submit(Spec(3));
+  const std::string log = data_.PathOf(data_.UnitLogName(job, 0));
+  // Shared: the coordinator uses the files until it ends.
+  const auto errors_left = std::make_shared<std::atomic<int>>(0);
+  files_.OnCall([this, log, errors_left](const std::string& path) {
+    if (path != log || *errors_left == 0) return;
+    --*errors_left;
+    files_.FailAt(files_.calls() + 1, EIO);
+  });
+  PumpedWorker worker(coordinator_.get(), 1);
+  Deliver(&worker, 1);
+  for (size_t unit = 1; unit <= 4; ++unit) {
+    Await([&] { return worker.acknowledged().size() == unit; });
+    *errors_left = 2;  // a third one in a row would give the log up
+    Deliver(&worker, 1);
+  }
+  Await([&] { return worker.acknowledged().size() == 5; });
+  EXPECT_EQ(*errors_left, 0);
+  EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
+  Stop();
+  EXPECT_EQ(CountInLog("event=units_lost"), 0);
 }
 
 TEST_F(StorageOutageTest, ACoordinatorThatStopsWithoutRoomLosesNothingAcknowledged) {

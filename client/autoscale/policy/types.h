@@ -6,8 +6,8 @@
 
 #include "absl/time/time.h"
 
-/// What the autoscaler's policy sees and decides. A *request* is one worker asked of the engine: a Slurm job or a
-/// Kubernetes pod. Times are wall clock times, because the engine's records have those.
+/// What the autoscaler's policy sees and decides. A *request* is one worker asked of the engine: a Slurm job.
+/// Times are wall clock times, because the engine's records have those.
 namespace lumifold::autoscale {
 
 /// Units of one user.
@@ -40,7 +40,7 @@ struct Request {
   enum class End { kNone, kLeft, kFailed, kTaken, kReleased } end = End::kNone;
   /// A second request for the place of another one; the engine does not run both.
   bool duplicate = false;
-  /// Position in the engine's order; Slurm only.
+  /// Position in the engine's order.
   int slot = -1;
   absl::Time started = absl::InfiniteFuture();
   absl::Time ended = absl::InfiniteFuture();
@@ -50,10 +50,6 @@ struct Request {
 
 struct EngineState {
   std::vector<Request> requests = {};
-  /// Why the engine does not make the workers that were asked for; empty if it does.
-  std::string refusal = {};
-  /// What a change must name so that it is refused if the engine changed since; empty where there is no such thing.
-  std::string version = {};
 };
 
 struct Limits {

@@ -16,7 +16,7 @@ Autoscaler::Autoscaler(AutoscalerOptions options, History history, Engine* engin
 absl::StatusOr<Decision> Autoscaler::Step() {
   const absl::StatusOr<FarmState> farm = options_.read_farm();
   if (!farm.ok()) return farm.status();
-  const absl::StatusOr<EngineState> seen = engine_->Look();
+  const absl::StatusOr<EngineState> seen = engine_->Snapshot();
   // For the exit code: "unavailable" is the coordinator.
   if (!seen.ok()) return absl::InternalError(seen.status().message());
   Decision decision = Decide(options_.now(), *farm, *seen, options_.limits, options_.tuning, &history_);
@@ -44,8 +44,6 @@ void Autoscaler::Act(const EngineState& seen, const Decision& decision) {
   if (status.ok()) {
     OnStarted(&history_);
     options_.log->info("event=start workers={}", decision.start);
-  } else if (absl::IsAborted(status)) {
-    options_.log->info("event=start_again reason=\"another program changed the engine\"");
   } else {
     OnRefused(options_.now(), std::string(status.message()), &history_);
     options_.log->warn("event=start_refused failures={} error={}", history_.refusals.failures,

@@ -1,5 +1,3 @@
-#include <unistd.h>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
@@ -16,7 +14,6 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "client/autoscale/autoscaler.h"
-#include "client/autoscale/kubernetes_engine.h"
 #include "client/autoscale/read_farm.h"
 #include "client/autoscale/slurm_engine.h"
 #include "client/autoscale/state_file.h"
@@ -37,12 +34,10 @@ namespace {
 namespace autoscale = lumifold::autoscale;
 namespace client = lumifold::client;
 
-constexpr char kServiceAccount[] = "/var/run/secrets/kubernetes.io/serviceaccount";
 constexpr absl::Duration kTick = absl::Milliseconds(100);
 constexpr size_t kMaxFarmNameBytes = 64;
 
 struct Flags {
-  std::string engine;
   std::string server;
   std::string profile;
   bool insecure = false;
@@ -68,7 +63,6 @@ struct Flags {
   std::string script;
   std::vector<std::string> sbatch_arguments;
   std::vector<std::string> worker_arguments;
-  autoscale::KubernetesOptions kubernetes;
 };
 
 void AddFarmFlags(CLI::App* app, Flags* flags) {
@@ -115,8 +109,7 @@ void AddTuningFlags(CLI::App* app, Flags* flags) {
           "A worker that ends within this time has died at its start");
   seconds("--join-seconds", &flags->join_seconds,
           "Release a worker that has not joined the farm after this time");
-  seconds("--call-seconds", &flags->call_seconds,
-          "Limit of each command of Slurm and each call of Kubernetes");
+  seconds("--call-seconds", &flags->call_seconds, "Limit of each command of Slurm");
   app->add_option("--slots", flags->tuning.slots_per_worker,
                   "Units a worker takes at a time, until one has joined")
       ->check(CLI::Range(1, 1024))
@@ -126,33 +119,19 @@ void AddTuningFlags(CLI::App* app, Flags* flags) {
       ->capture_default_str();
 }
 
-void AddEngineFlags(CLI::App* app, Flags* flags) {
-  app->add_option("--engine", flags->engine, "slurm or kubernetes")
-      ->required()
-      ->check(CLI::IsMember({"slurm", "kubernetes"}));
-  app->add_option("--farm", flags->farm, "Slurm: name of the farm, part of the names of its jobs")
+void AddSlurmFlags(CLI::App* app, Flags* flags) {
+  app->add_option("--farm", flags->farm, "Name of the farm, part of the names of its jobs")
       ->capture_default_str();
-  app->add_option("--script", flags->script, "Slurm: the batch script, deploy/slurm/worker.sbatch");
-  app->add_option("--sbatch", flags->sbatch_arguments, "Slurm: an argument of sbatch; may be repeated")
+  app->add_option("--script", flags->script, "The batch script, deploy/slurm/worker.sbatch")->required();
+  app->add_option("--sbatch", flags->sbatch_arguments, "An argument of sbatch; may be repeated")
       ->allow_extra_args(false);
-  app->add_option("--worker", flags->worker_arguments,
-                  "Slurm: an argument of lumifold-worker; may be repeated")
+  app->add_option("--worker", flags->worker_arguments, "An argument of lumifold-worker; may be repeated")
       ->allow_extra_args(false);
-  autoscale::KubernetesOptions& kubernetes = flags->kubernetes;
-  app->add_option("--deployment", kubernetes.deployment, "Kubernetes: the Deployment of workers");
-  app->add_option("--namespace", kubernetes.name_space,
-                  "Kubernetes: its namespace (default: that of this pod)");
-  app->add_option("--api", kubernetes.api,
-                  "Kubernetes: URL of the API (default: that of the cluster this runs in)");
-  app->add_option("--token-file", kubernetes.token_file,
-                  "Kubernetes: token (default: that of the service account)");
-  app->add_option("--ca-file", kubernetes.ca_file,
-                  "Kubernetes: authority of the API (default: that of the cluster)");
 }
 
 void AddFlags(CLI::App* app, Flags* flags) {
   app->get_formatter()->column_width(34);
-  AddEngineFlags(app, flags);
+  AddSlurmFlags(app, flags);
   AddFarmFlags(app, flags);
   AddLimitFlags(app, flags);
   AddTuningFlags(app, flags);
@@ -181,54 +160,23 @@ bool IsName(const std::string& text) {
          });
 }
 
-/// Where it is not given, what every pod of a cluster has.
-void FillInCluster(autoscale::KubernetesOptions* options) {
-  const auto fill = [](std::string* value, const char* name) {
-    const std::string path = absl::StrCat(kServiceAccount, "/", name);
-    if (value->empty() && access(path.c_str(), R_OK) == 0) *value = path;
-  };
-  const char* const host = std::getenv("KUBERNETES_SERVICE_HOST");
-  const char* const port = std::getenv("KUBERNETES_SERVICE_PORT");
-  if (options->api.empty() && host != nullptr && port != nullptr) {
-    const std::string name = host;
-    options->api = absl::StrCat(
-        "https://", name.find(':') == std::string::npos ? name : absl::StrCat("[", name, "]"), ":", port);
-    fill(&options->token_file, "token");
-    fill(&options->ca_file, "ca.crt");
-  }
-}
-
 /// The error of what the parser does not check; empty if there is none.
-std::string Problem(Flags* flags) {
-  if (flags->limits.minimum > flags->limits.maximum) return "--min is larger than --max";
-  if (flags->engine == "slurm") {
-    if (!IsName(flags->farm)) return "--farm: 1 to 64 letters, digits, '-', '_' and '.'";
-    return flags->script.empty() ? "--script is required for --engine slurm" : "";
-  }
-  FillInCluster(&flags->kubernetes);
-  if (!IsName(flags->kubernetes.deployment)) return "--deployment is required for --engine kubernetes";
-  if (!IsName(flags->kubernetes.name_space)) return "--namespace is required for --engine kubernetes";
-  return flags->kubernetes.api.empty() ? "--api is required outside a cluster" : "";
+std::string Problem(const Flags& flags) {
+  if (flags.limits.minimum > flags.limits.maximum) return "--min is larger than --max";
+  return IsName(flags.farm) ? "" : "--farm: 1 to 64 letters, digits, '-', '_' and '.'";
 }
 
 std::unique_ptr<autoscale::Engine> MakeEngine(const Flags& flags) {
-  const absl::Duration timeout = absl::Seconds(flags.call_seconds);
-  if (flags.engine == "slurm") {
-    autoscale::SlurmOptions options{.farm = flags.farm,
-                                    .script = flags.script,
-                                    .sbatch_arguments = flags.sbatch_arguments,
-                                    .script_arguments = flags.worker_arguments,
-                                    .timeout = timeout};
-    if (!flags.tags.empty()) {
-      options.script_arguments.push_back("--tags");
-      options.script_arguments.push_back(absl::StrJoin(flags.tags, ","));
-    }
-    return autoscale::MakeSlurmEngine(std::move(options));
+  autoscale::SlurmOptions options{.farm = flags.farm,
+                                  .script = flags.script,
+                                  .sbatch_arguments = flags.sbatch_arguments,
+                                  .script_arguments = flags.worker_arguments,
+                                  .timeout = absl::Seconds(flags.call_seconds)};
+  if (!flags.tags.empty()) {
+    options.script_arguments.push_back("--tags");
+    options.script_arguments.push_back(absl::StrJoin(flags.tags, ","));
   }
-  autoscale::KubernetesOptions options = flags.kubernetes;
-  options.cores_per_worker = flags.tuning.cores_per_worker;
-  options.timeout = timeout;
-  return autoscale::MakeKubernetesEngine(std::move(options));
+  return autoscale::MakeSlurmEngine(std::move(options));
 }
 
 autoscale::AutoscalerOptions OptionsOf(const Flags& flags) {
@@ -299,8 +247,7 @@ int Run(const Flags& flags) {
   const std::shared_ptr<spdlog::logger> log = lumifold::logging::MakeFrontLogger(
       {.log = lumifold::logging::MakeNonblockingLogger(
            {.name = "autoscale", .format = flags.log_format, .level = flags.log_level})});
-  log->info("event=start engine={} server={} min={} max={}", flags.engine, remote.server,
-            flags.limits.minimum, flags.limits.maximum);
+  log->info("event=start server={} min={} max={}", remote.server, flags.limits.minimum, flags.limits.maximum);
   autoscale::AutoscalerOptions options = OptionsOf(flags);
   options.read_farm = [&]() -> absl::StatusOr<autoscale::FarmState> {
     if (absl::Status status = remote.Resolve(); !status.ok()) return status;
@@ -317,15 +264,14 @@ int Run(const Flags& flags) {
 
 int main(int argc, char** argv) {
   CLI::App app(
-      "Asks Slurm or Kubernetes for as many workers as a coordinator's queue needs, within limits, and lets "
-      "idle ones go.",
+      "Asks Slurm for as many workers as a coordinator's queue needs, within limits, and lets idle ones go.",
       "lumifold-autoscale");
   Flags flags;
   AddFlags(&app, &flags);
   std::string problem;
   try {
     app.parse(argc, argv);
-    problem = Problem(&flags);
+    problem = Problem(flags);
   } catch (const CLI::Success& success) {
     return app.exit(success);
   } catch (const CLI::ParseError& error) {

@@ -22,7 +22,7 @@ class SlurmEngine final : public Engine {
  public:
   explicit SlurmEngine(SlurmOptions options) : options_(std::move(options)) {}
 
-  absl::StatusOr<EngineState> Look() override {
+  absl::StatusOr<EngineState> Snapshot() override {
     // Variables of squeue would change what it prints; TZ: of the times.
     const absl::StatusOr<std::string> lines =
         Run({"squeue", "--noheader", "--me", "--states=all", kSlurmQueueFormat},
@@ -30,7 +30,7 @@ class SlurmEngine final : public Engine {
     if (!lines.ok()) return lines.status();
     absl::StatusOr<std::vector<Request>> requests = ParseSlurmQueue(*lines, options_.farm);
     if (!requests.ok()) return requests.status();
-    return EngineState{.requests = *std::move(requests), .refusal = "", .version = ""};
+    return EngineState{.requests = *std::move(requests)};
   }
 
   absl::Status Start(const EngineState& seen, int count) override {

@@ -19,8 +19,8 @@ once, filters frames and serves pictures.")
 set(lumifold_description_lumifold-worker "worker of the Lumifold render farm
 Renders units of frames for a coordinator.")
 set(lumifold_description_lumifold-autoscale "autoscaler of the Lumifold render farm
-Asks Slurm or Kubernetes for as many workers as the queue of a coordinator
-needs, within limits, and lets idle ones go.")
+Asks Slurm for as many workers as the queue of a coordinator needs, within
+limits, and lets idle ones go.")
 
 # A package's program, documents (made by the program itself) and inventory of libraries.
 foreach(package IN LISTS lumifold_packages)

@@ -30,11 +30,9 @@ class Autoscale(harness.CliTest):
 
     def test_what_is_missing_or_wrong_is_named(self):
         needed = ("--state", "state")
-        self.check_golden("autoscale_no_engine", *needed)
-        self.check_golden("autoscale_no_script", *needed, "--engine", "slurm")
-        self.check_golden("autoscale_bad_farm", *needed, "--engine", "slurm", "--script", "x", "--farm", "a b")
-        self.check_golden("autoscale_no_deployment", *needed, "--engine", "kubernetes")
-        self.check_golden("autoscale_bad_limits", *needed, "--engine", "slurm", "--script", "x", "--min", "9")
+        self.check_golden("autoscale_no_script", *needed)
+        self.check_golden("autoscale_bad_farm", *needed, "--script", "x", "--farm", "a b")
+        self.check_golden("autoscale_bad_limits", *needed, "--script", "x", "--min", "9")
 
 
 class WrongCommandLine(harness.CliTest):

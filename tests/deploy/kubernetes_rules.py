@@ -242,25 +242,52 @@ def policy_faults(manifests):
                     yield f"{name_of(manifest)}: no container has a port {port['port']}"
 
 
+def figures_of(scaler):
+    """The metrics that an autoscaler looks at, each with its value for one worker."""
+    if scaler["kind"] == "HorizontalPodAutoscaler":
+        return [(metric["external"]["metric"]["name"], metric["external"]["target"]["averageValue"])
+                for metric in scaler["spec"]["metrics"]]
+    triggers = [trigger["metadata"] for trigger in scaler["spec"]["triggers"]]
+    return [(trigger["query"].removeprefix("sum(").removesuffix(")"), trigger["threshold"]) for trigger in triggers]
+
+
+def trigger_faults(trigger):
+    """That a trigger of KEDA asks for a sum over all coordinators, and takes missing figures for no queue of zero."""
+    if trigger["type"] != "prometheus":
+        yield f"a trigger is {trigger['type']}"
+    if not re.fullmatch(r"sum\(\w+\)", trigger["metadata"]["query"]):
+        yield f"{trigger['metadata']['query']} is no sum of a metric"
+    if trigger["metadata"].get("activationThreshold", "0") != "0":
+        yield f"{trigger['metadata']['query']} starts no worker up to {trigger['metadata']['activationThreshold']}"
+    if trigger["metadata"].get("ignoreNullValues") != "false":
+        yield f"{trigger['metadata']['query']}: missing figures count as zero"
+
+
 def scaling_faults(manifests, adapter):
     metrics, slots_per_thread = programs.metrics()
     rules = {rule["seriesQuery"] for rule in adapter["externalRules"]}
     for name in sorted(rules - metrics):
         yield f"prometheus-adapter: the coordinator has no metric {name}"
-    for scaler in of_kind(manifests, "HorizontalPodAutoscaler"):
-        target = scaler["spec"]["scaleTargetRef"]
+    scalers = of_kind(manifests, "HorizontalPodAutoscaler", "ScaledObject")
+    targets = [scaler["spec"]["scaleTargetRef"] for scaler in scalers]
+    for scaler, target in zip(scalers, targets):
+        if targets.count(target) > 1:
+            yield f"{name_of(scaler)}: its target has another autoscaler"
         workload = next((w for w in workloads(manifests)
                          if (w["kind"], w["metadata"]["name"]) == (target["kind"], target["name"])), None)
         if workload is None or "replicas" in workload["spec"]:
             yield f"{name_of(scaler)}: its target is missing, or has a number of its own"
             continue
-        for metric in scaler["spec"]["metrics"]:
-            name, average = metric["external"]["metric"]["name"], metric["external"]["target"]["averageValue"]
-            if name not in metrics & rules:
+        known = metrics & rules if scaler["kind"] == "HorizontalPodAutoscaler" else metrics
+        for name, average in figures_of(scaler):
+            if name not in known:
                 yield f"{name_of(scaler)}: no rule and metric {name}"
             threads = int(programs.value_of(pod_of(workload)["containers"][0]["args"], "--threads") or 0)
             if name == "lumifold_units_leased" and int(average) != slots_per_thread * threads:
                 yield f"{name_of(scaler)}: a worker of {threads} threads has {slots_per_thread * threads} units, not {average}"
+    for scaler in of_kind(manifests, "ScaledObject"):
+        for trigger in scaler["spec"]["triggers"]:
+            yield from (f"{name_of(scaler)}: {fault}" for fault in trigger_faults(trigger))
     for budget in of_kind(manifests, "PodDisruptionBudget"):
         if not selected(manifests, budget["spec"]["selector"]["matchLabels"]):
             yield f"{name_of(budget)}: selects no pods"

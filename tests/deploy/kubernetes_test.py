@@ -12,7 +12,7 @@ import node_tools
 import programs
 
 FOLDER = programs.ROOT / "deploy/kubernetes"
-OVERLAYS = ("small", "production")
+OVERLAYS = ("small", "production", "keda")
 
 
 def find(manifests, kind, name="lumifold"):
@@ -47,6 +47,14 @@ def manifest(kind, name, change):
 def scaler_metric(number, change):
     return lambda manifests, adapter: change(
         find(manifests, "HorizontalPodAutoscaler", "lumifold-worker")["spec"]["metrics"][number]["external"])
+
+
+def scaled_object(change):
+    return manifest("ScaledObject", "lumifold-worker", change)
+
+
+def trigger(number, **values):
+    return scaled_object(lambda spec: spec["triggers"][number]["metadata"].update(values))
 
 
 # What is broken, and what must be said about it.
@@ -113,6 +121,18 @@ BROKEN = [
     ("a budget for nothing", manifest("PodDisruptionBudget", "lumifold-worker",
                                       lambda s: s["selector"]["matchLabels"].update(a="b")), "selects no pods"),
 ]
+BROKEN_KEDA = [
+    ("a trigger on a metric that there is not", trigger(0, query="sum(lumifold_queue)"), "no rule and metric lumifold_queue"),
+    ("a trigger on one coordinator", trigger(0, query="lumifold_units_queued"), "is no sum of a metric"),
+    ("a trigger with half the units of a worker", trigger(1, threshold="4"), "has 8 units, not 4"),
+    ("a trigger that few units do not activate", trigger(0, activationThreshold="64"), "starts no worker up to 64"),
+    ("a trigger that takes silence for no work", trigger(1, ignoreNullValues="true"), "missing figures count as zero"),
+    ("another kind of trigger", scaled_object(lambda s: s["triggers"][0].update(type="cpu")), "a trigger is cpu"),
+    ("a scaled object of nothing", scaled_object(lambda s: s["scaleTargetRef"].update(name="x")), "its target is missing"),
+    ("two autoscalers", lambda manifests, adapter: manifests.append(
+        {"kind": "HorizontalPodAutoscaler", "metadata": {"name": "x"},
+         "spec": {**find(manifests, "ScaledObject", "lumifold-worker")["spec"], "metrics": []}}), "has another autoscaler"),
+]
 BROKEN_SCHEMA = [
     ("a field with a typing error", manifest("Deployment", "lumifold-worker", lambda s: s.update(replicaz=3)), "replicaz"),
     ("such a field far inside", worker(lambda c: c["securityContext"].update(readOnlyRootFileSystem=True)),
@@ -122,6 +142,13 @@ BROKEN_SCHEMA = [
     ("a kind that there is not", lambda manifests, adapter: find(manifests, "Deployment", "lumifold-worker").update(kind="Deploy"),
      "no such kind"),
 ]
+BROKEN_KEDA_SCHEMA = [
+    ("a field of KEDA with a typing error", scaled_object(lambda s: s.update(minReplicas=0)), "minReplicas"),
+    ("a number for text", trigger(0, threshold=64), "must be string"),
+]
+# What is broken of which overlay.
+ALL_BROKEN = [("production", *case) for case in BROKEN] + [("keda", *case) for case in BROKEN_KEDA]
+ALL_BROKEN_SCHEMA = [("production", *case) for case in BROKEN_SCHEMA] + [("keda", *case) for case in BROKEN_KEDA_SCHEMA]
 
 
 @unittest.skipUnless(node_tools.is_available(), "npm is not installed (deploy/setup.sh --tests)")
@@ -132,8 +159,8 @@ class KubernetesTest(unittest.TestCase):
         cls.overlays = {name: node_tools.render(FOLDER / "overlays" / name) for name in OVERLAYS}
         cls.adapter = json.loads(node_tools.run("read_yaml.mjs", stdin=(FOLDER / "prometheus-adapter.yaml").read_text()))[0]
 
-    def broken(self, change):
-        manifests, adapter = copy.deepcopy((self.overlays["production"], self.adapter))
+    def broken(self, overlay, change):
+        manifests, adapter = copy.deepcopy((self.overlays[overlay], self.adapter))
         change(manifests, adapter)
         return manifests, adapter
 
@@ -143,15 +170,15 @@ class KubernetesTest(unittest.TestCase):
             self.assertEqual(rules.faults(manifests, self.adapter), [], name)
 
     def test_what_is_broken_is_found(self):
-        for what, change, fault in BROKEN:
+        for overlay, what, change, fault in ALL_BROKEN:
             with self.subTest(what):
-                self.assertIn(fault, "\n".join(rules.faults(*self.broken(change))))
+                self.assertIn(fault, "\n".join(rules.faults(*self.broken(overlay, change))))
 
     def test_what_the_schemas_refuse_is_found(self):
-        changed = [next(m for m in self.broken(change)[0] if m not in self.overlays["production"])
-                   for _, change, _ in BROKEN_SCHEMA]
+        changed = [next(m for m in self.broken(overlay, change)[0] if m not in self.overlays[overlay])
+                   for overlay, _, change, _ in ALL_BROKEN_SCHEMA]
         found = node_tools.schema_faults(changed)  # all at once: TypeScript takes seconds to start
-        for what, _, fault in BROKEN_SCHEMA:
+        for _, what, _, fault in ALL_BROKEN_SCHEMA:
             self.assertEqual(sum(fault in line for line in found), 1, f"{what}: {found}")
 
     def test_kustomize_renders_the_same(self):
@@ -174,8 +201,18 @@ class KubernetesTest(unittest.TestCase):
         for name, manifests in self.overlays.items():
             modes = find(manifests, "PersistentVolumeClaim", "lumifold-data")["spec"]["accessModes"]
             stores = [v["name"] for v in main_container(manifests, "StatefulSet").get("env", []) if v["name"] == "LUMIFOLD_STORE"]
-            self.assertEqual((modes, stores), {"small": (["ReadWriteOnce"], []),
-                                               "production": (["ReadWriteMany"], ["LUMIFOLD_STORE"])}[name])
+            one, several = (["ReadWriteOnce"], []), (["ReadWriteMany"], ["LUMIFOLD_STORE"])
+            self.assertEqual((modes, stores), {"small": one, "production": several, "keda": several}[name])
+
+    def test_keda_replaces_the_autoscaler_and_nothing_else(self):
+        production, keda = ({rules.name_of(m): m for m in self.overlays[name]} for name in ("production", "keda"))
+        self.assertEqual(production.keys() - keda.keys(), {"HorizontalPodAutoscaler lumifold-worker"})
+        self.assertEqual(keda.keys() - production.keys(), {"ScaledObject lumifold-worker"})
+        scaled = keda["ScaledObject lumifold-worker"]["spec"]
+        self.assertEqual(scaled["minReplicaCount"], 0)
+        scaler = production["HorizontalPodAutoscaler lumifold-worker"]["spec"]
+        self.assertEqual(scaled["maxReplicaCount"], scaler["maxReplicas"])
+        self.assertEqual(scaled["advanced"]["horizontalPodAutoscalerConfig"]["behavior"], scaler["behavior"])
 
 
 if __name__ == "__main__":

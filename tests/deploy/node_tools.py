@@ -47,7 +47,7 @@ def render(folder):
 
 
 def schema_faults(manifests):
-    """What the schemas of the Kubernetes API object to."""
+    """What the schemas of the Kubernetes API and of KEDA object to."""
     return run("check_kubernetes.mjs", stdin=json.dumps(manifests)).splitlines()
 
 

@@ -1,5 +1,5 @@
 // Renders a kustomization, in the part of kustomize's language that deploy/kubernetes keeps to: resources, namespace, images,
-// and JSON patches of files. Anything else is an error. `node render.mjs FOLDER` prints the manifests as a JSON array.
+// and, in files, JSON patches and patches that delete. Anything else is an error. `node render.mjs FOLDER` prints the manifests as a JSON array.
 import fs from 'node:fs';
 import path from 'node:path';
 import YAML from 'yaml';
@@ -47,7 +47,12 @@ export function render(folder) {
     if (Object.keys(more).length > 0) throw new Error(`${folder}: not rendered here: ${Object.keys(more)}`);
     const found = manifests.filter((m) => m.kind === target.kind && m.metadata.name === target.name);
     if (found.length !== 1) throw new Error(`${folder}: ${found.length} manifests for the patch ${file}`);
-    for (const change of documents(path.join(folder, file))[0]) applyPatch(found[0], change);
+    const [patch] = documents(path.join(folder, file));
+    if (patch.$patch === 'delete') {
+      manifests.splice(manifests.indexOf(found[0]), 1);
+    } else {
+      for (const change of patch) applyPatch(found[0], change);
+    }
   }
   for (const manifest of manifests) {
     if (namespace && !CLUSTER_WIDE.includes(manifest.kind)) manifest.metadata.namespace = namespace;

@@ -1,16 +1,16 @@
-"""lumifold-autoscale with a real coordinator: on a real Slurm, and on a fake of the Kubernetes API over TLS."""
+"""lumifold-autoscale with a real coordinator: on a real Slurm, and on a fake of its commands."""
 
-import contextlib
 import json
 import os
 import pathlib
 import tempfile
 import time
 import unittest
+import unittest.mock
 
 import slurm
 from access_test import SecureFarm
-from fake_kubernetes import COST, DEPLOYMENT, NAMESPACE, FakeKubernetes
+from fake_slurm import FARM_NAME, FakeSlurm
 from farm import BIN, Farm, Process, make_scene, run, wait_until
 
 SCRIPT = pathlib.Path(__file__).parents[2] / "deploy" / "slurm" / "worker.sbatch"
@@ -18,8 +18,8 @@ SCRIPT = pathlib.Path(__file__).parents[2] / "deploy" / "slurm" / "worker.sbatch
 NO_END = ["--size", "128x128", "--spp", "1048576", "--plan", "full"]
 # Some seconds for three workers on two processors.
 SHORT = ["--size", "96x96", "--spp", "2048", "--seed", "3"]
-FARM_NAME = "test"
 MAXIMUM = 3
+SLOTS = [f"lumifold-{FARM_NAME}-{slot}" for slot in range(MAXIMUM)]
 EXIT_FAILED, EXIT_UNREACHABLE = 1, 3
 
 
@@ -60,111 +60,107 @@ class FarmCase(unittest.TestCase):
         return process
 
 
-class KubernetesTest(FarmCase):
+class FakeSlurmTest(FarmCase):
+    """What a real Slurm does only now and then. Needs no Slurm."""
+
     def setUp(self):
         super().setUp()
-        self.cluster = FakeKubernetes(self.folder)
-        self.addCleanup(self.cluster.close)
+        self.slurm = FakeSlurm(self.folder)
+        self.addCleanup(self.slurm.close)
 
     def engine_arguments(self):
-        return ["--engine", "kubernetes", "--api", self.cluster.url, "--namespace", NAMESPACE, "--deployment", DEPLOYMENT,
-                "--token-file", self.cluster.token_file, "--ca-file", self.cluster.ca_file]
+        return self.slurm.engine_arguments()
 
     def test_asks_for_workers_once(self):
-        self.cluster.start_pods = False
         self.submit(*NO_END)
         decision = self.step("--dry-run")
-        self.assertEqual((decision["start"], self.cluster.replicas), (MAXIMUM, 0))
-        self.assertEqual((self.step()["start"], self.cluster.replicas), (MAXIMUM, MAXIMUM))
+        self.assertEqual((decision["start"], self.slurm.jobs()), (MAXIMUM, []))
+        self.assertEqual((self.step()["start"], self.slurm.jobs()), (MAXIMUM, SLOTS))
         decision = self.step()
-        self.assertEqual((decision["start"], decision["pending"], self.cluster.replicas), (0, MAXIMUM, MAXIMUM))
+        self.assertEqual((decision["start"], decision["pending"], self.slurm.jobs()), (0, MAXIMUM, SLOTS))
 
-    def test_lets_the_idle_pod_go_and_no_busy_one(self):
-        self.cluster.set_replicas(2)
-        self.submit(*NO_END, "--max-leases", "1")
-        for pod in self.cluster.pods:
-            self.farm.start_worker("--name", pod, "--drain-seconds", "0")
+    def test_lets_the_idle_worker_go_and_no_busy_one(self):
+        self.submit(*NO_END, "--max-leases", "1", "--tag", "wanted")
+        for slot, tag in enumerate(("wanted", "other")):
+            self.slurm.add_running(str(slot + 1), slot)
+            self.farm.start_worker("--name", f"slurm-{slot + 1}@node", "--tags", tag, "--drain-seconds", "0")
 
         def states():
             workers = [json.loads(line) for line in self.farm.client("workers", "--json").stdout.splitlines()]
-            # The job is planned: the unit that is leased now takes minutes.
-            return {worker["process"]: worker["state"] for worker in workers if worker["job_ids"] or worker["state"] == "idle"}
+            return {worker["process"]: worker["state"] for worker in workers}
 
-        wait_until(lambda: sorted(states().values()) == ["busy", "idle"], "one worker is busy, one idle")
-        idle = next(pod for pod, state in states().items() if state == "idle")
-        autoscaler = self.start_autoscaler("--idle-seconds", "1")
-        wait_until(lambda: self.cluster.replicas == 1, "the Deployment is scaled down")
-        self.assertEqual(self.cluster.patches(f"/pods/{idle}"), [{"metadata": {"annotations": {COST: "-1000"}}}])
-        self.assertNotIn(idle, self.cluster.pods)
+        wait_until(lambda: states() == {"slurm-1@node": "busy", "slurm-2@node": "idle"}, "one worker is busy, one idle")
+        autoscaler = self.start_autoscaler("--idle-seconds", "1", "--tags", "wanted")
+        wait_until(lambda: self.slurm.jobs() == SLOTS[:1], "the idle worker is released")
         self.assertEqual(autoscaler.stop(), 0, autoscaler.log_text())
-        self.assertEqual(self.cluster.replicas, 1)
-
-    def test_a_change_of_another_program_is_seen(self):
-        self.submit(*NO_END)
-
-        def change():
-            self.cluster.before_patch = None
-            self.cluster.set_replicas(1)
-
-        self.cluster.before_patch = change
-        self.assertIn("event=start_again", self.step()["log"])
-        self.assertEqual(self.cluster.replicas, 1)
-        self.assertEqual(self.step()["start"], MAXIMUM - 1)
+        self.assertEqual(self.slurm.calls("scancel"), ["scancel --quiet 2"])
 
     def test_two_at_once_ask_for_no_more_than_one_would(self):
-        self.cluster.start_pods = False
         self.submit(*NO_END)
         both = [self.start_autoscaler(state=f"state-{i}") for i in range(2)]
-        wait_until(lambda: len(self.cluster.calls) > 60, "some looks of both")
+        wait_until(lambda: len(self.slurm.calls("squeue")) > 20, "some looks of both")
         for process in both:
             self.assertEqual(process.stop(), 0, process.log_text())
-        self.assertEqual({patch["spec"]["replicas"] for patch in self.cluster.patches("/scale")}, {MAXIMUM})
-        self.assertEqual((self.cluster.replicas, self.cluster.made), (MAXIMUM, MAXIMUM))
+        # Both may have asked for the same slots; what was asked for twice is cancelled.
+        asked = {word.removeprefix("--job-name=") for call in self.slurm.calls("sbatch") for word in call.split()
+                 if word.startswith("--job-name=")}
+        self.assertEqual((sorted(asked), self.slurm.jobs()), (SLOTS, SLOTS))
 
-    def test_errors_of_the_api_start_nothing(self):
+    def test_errors_of_the_engine_start_nothing(self):
         self.submit(*NO_END)
-        for code in (500, 503, 429, 404):
-            self.cluster.fail = [code]
-            self.assertIn(f"answers {code}", self.step(code=EXIT_FAILED)["log"])
-        self.cluster.token_file.write_text("another")
-        self.assertIn("answers 401", self.step(code=EXIT_FAILED)["log"])
-        self.cluster.token_file.write_text("the-token")
-        self.cluster.delay = 2
-        self.assertRegex(self.step("--call-seconds", "0.3", code=EXIT_FAILED)["log"], "(?i)time")
-        self.cluster.delay = 0
-        own, self.cluster.ca_file = self.cluster.ca_file, "/etc/ssl/certs/ca-certificates.crt"
-        self.assertIn("certificate", self.step(code=EXIT_FAILED)["log"])
-        self.cluster.ca_file = own
-        self.assertEqual(self.cluster.replicas, 0)
+        for answer, said in (("echo 'slurm_load_jobs error: Unable to contact slurm controller' >&2; exit 1", "Unable to contact"),
+                             ("echo 'slurm_load_jobs error: Invalid user id' >&2; exit 1", "Invalid user id"),
+                             (f"echo '1|RUNNING|then|N/A|1|None|lumifold-{FARM_NAME}-0'", "RUNNING|then"),
+                             ("kill -9 $$", "ended by signal 9")):
+            self.slurm.answer("squeue", answer)
+            self.assertIn(said, self.step(code=EXIT_FAILED)["log"])
+        self.slurm.answer("squeue", "sleep 1000")
+        self.assertIn("squeue took longer than 300ms", self.step("--call-seconds", "0.3", code=EXIT_FAILED)["log"])
+        self.slurm.remove("squeue")
+        with unittest.mock.patch.dict(os.environ, PATH=str(self.slurm.bin)):
+            self.assertIn("cannot run squeue", self.step(code=EXIT_FAILED)["log"])
+        self.assertEqual(self.slurm.calls("sbatch"), [])
+        self.slurm.install("squeue")
         self.assertEqual(self.step()["start"], MAXIMUM)
+
+    def test_errors_while_it_runs_start_and_release_nothing(self):
+        self.slurm.answer("squeue", "exit 1")
+        self.submit(*NO_END)
+        autoscaler = self.start_autoscaler()
+        wait_until(lambda: autoscaler.log_text().count("event=step_failed") > 1, "two steps fail")
+        self.assertEqual(self.slurm.calls("sbatch") + self.slurm.calls("scancel"), [])
+        self.slurm.install("squeue")
+        wait_until(lambda: self.slurm.jobs() == SLOTS, "it goes on")
+        self.assertEqual(autoscaler.stop(), 0, autoscaler.log_text())
 
     def test_a_refused_start_waits_also_after_a_restart(self):
         self.submit(*NO_END)
-        self.cluster.fail = [0, 0, 0, 403]  # scale, Deployment, pods; the patch
+        self.slurm.answer("sbatch", "echo 'sbatch: error: Job violates accounting/QOS policy' >&2; exit 1")
         self.assertIn("event=start_refused failures=1", self.step()["log"])
+        self.slurm.install("sbatch")
         decision = self.step("--first-pause-seconds", "600")
-        self.assertEqual((decision["start"], self.cluster.replicas), (0, 0))
-        self.assertRegex(decision["reason"], r"the engine refused: .* answers 403 .*\(1 in a row\); next try in [\dms]+")
+        self.assertEqual((decision["start"], self.slurm.jobs()), (0, []))
+        self.assertRegex(decision["reason"], r"the engine refused: sbatch ended .*QOS policy \(1 in a row\); next try in [\dms]+")
 
     def test_without_a_coordinator_nothing_is_done(self):
         self.farm.server.kill()
         self.step(code=EXIT_UNREACHABLE)
-        self.assertEqual(self.cluster.calls, [])
+        self.assertEqual(self.slurm.calls(), [])
 
 
 class AccessTest(unittest.TestCase):
     def test_scope_read_is_enough(self):
         with tempfile.TemporaryDirectory() as folder:
             root = pathlib.Path(folder)
-            cluster = FakeKubernetes(root)
-            self.addCleanup(cluster.close)
+            fake = FakeSlurm(root)
+            self.addCleanup(fake.close)
             with SecureFarm(root / "farm") as farm:
                 farm.client("submit", make_scene("cornell-box", root), *NO_END)  # of another user
                 farm.join("login", farm.invite("scaler", "--scope", "read"), profile="scaler")
-                done = run("lumifold-autoscale", "--once", "--json", "--profile", "scaler", "--state", root / "state", "--engine",
-                           "kubernetes", "--api", cluster.url, "--namespace", NAMESPACE, "--deployment", DEPLOYMENT,
-                           "--token-file", cluster.token_file, "--ca-file", cluster.ca_file)
+                done = run("lumifold-autoscale", "--once", "--json", "--profile", "scaler", "--state", root / "state",
+                           *fake.engine_arguments())
                 self.assertEqual(json.loads(done.stdout)["start"], 1)
+                self.assertEqual(fake.jobs(), SLOTS[:1])
 
 
 @unittest.skipIf(slurm.missing(), slurm.missing())
@@ -189,12 +185,12 @@ class SlurmTest(FarmCase):
         wait_until(lambda: not self.slurm.run("squeue", "--noheader").stdout, "all jobs are gone")
 
     def engine_arguments(self):
-        return ["--engine", "slurm", "--farm", f"{FARM_NAME}-{self.id().rsplit('.')[-1][:30]}", "--script", SCRIPT, "--sbatch",
+        return ["--farm", f"{FARM_NAME}-{self.id().rsplit('.')[-1][:30]}", "--script", SCRIPT, "--sbatch",
                 f"--output={self.folder}/%x-%j.log", "--sbatch", "--cpus-per-task=1", "--sbatch", f"--chdir={self.folder}"]
 
     def jobs(self, *states):
         """Id and name of this test's jobs in these states."""
-        name = self.engine_arguments()[3]
+        name = self.engine_arguments()[1]
         lines = self.slurm.run("squeue", "--noheader", f"--states={','.join(states)}", "--format=%i %j").stdout.splitlines()
         return dict(line.split() for line in lines if f"lumifold-{name}-" in line)
 
@@ -223,7 +219,7 @@ class SlurmTest(FarmCase):
     def test_two_starts_at_a_time_of_a_slot_run_once(self):
         self.submit(*NO_END)
         # Both look before either starts: Slurm itself must keep the second one from running.
-        slot = f"--job-name=lumifold-{self.engine_arguments()[3]}-0"
+        slot = f"--job-name=lumifold-{self.engine_arguments()[1]}-0"
         for _ in range(2):
             self.slurm.submit("--cpus-per-task=1", slot, "--dependency=singleton",
                               f"--output={self.folder}/%j.log", SCRIPT,

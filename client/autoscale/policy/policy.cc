@@ -40,7 +40,6 @@ class Step {
     MatchWorkers();
     ChargeRequests(now_, engine_, limits_, &history_);
     CountDeaths(now_, engine_, tuning_, &history_);
-    if (!engine_.refusal.empty()) NoteRefusal();
     Count();
     FindWanted();
     if (IsBudgetSpent()) {
@@ -56,7 +55,6 @@ class Step {
 
  private:
   void MatchWorkers();
-  void NoteRefusal();
   void Count();
   double SecondsPerUnit();
   int Slots() const;
@@ -126,11 +124,6 @@ void Step::MatchWorkers() {
     }
   }
   history_.seen = std::move(seen);
-}
-
-void Step::NoteRefusal() {
-  // The engine goes on saying so: the next pause begins when the last one is over.
-  if (now_ >= history_.refusals.NextTry(tuning_)) history_.refusals.Fail(now_, engine_.refusal);
 }
 
 void Step::Count() {

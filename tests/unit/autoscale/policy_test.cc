@@ -269,13 +269,5 @@ TEST_F(PolicyTest, StartsNoMoreThanTheBudgetLetsRun) {
   EXPECT_EQ(Step().start, 3);
 }
 
-TEST_F(PolicyTest, AnEngineThatMakesNoWorkersIsARefusal) {
-  tuning_.finish_within = absl::Seconds(1);
-  farm_.users = {{.queued = 40}};
-  engine_.refusal = "exceeded quota";
-  EXPECT_EQ(Step().start, 0);
-  EXPECT_THAT(Step(absl::Seconds(5)).reason, HasSubstr("exceeded quota (1 in a row)"));
-}
-
 }  // namespace
 }  // namespace lumifold::autoscale

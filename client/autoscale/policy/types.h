@@ -36,7 +36,8 @@ struct Request {
   /// What its worker calls itself, up to the end or a ":" or "@".
   std::string worker_name = {};
   enum class State { kPending, kRunning, kLeaving, kEnded } state = State::kPending;
-  /// How it ended. kTaken: by the engine (preemption, a lost node); kReleased: on demand, or at its time limit.
+  /// How it ended. kTaken: by the engine (preemption, a lost node); kReleased: on demand, or at its time
+  /// limit.
   enum class End { kNone, kLeft, kFailed, kTaken, kReleased } end = End::kNone;
   /// A second request for the place of another one; the engine does not run both.
   bool duplicate = false;
@@ -64,11 +65,12 @@ struct Limits {
 };
 
 struct Tuning {
-  /// Workers are asked for so that the work that is left takes this long. Half of it doubles the workers of medium jobs,
-  /// and the share of their time that goes into starting; twice of it halves both.
+  /// Workers are asked for so that the work that is left takes this long. Half of it doubles the workers of
+  /// medium jobs, and the share of their time that goes into starting; twice of it halves both.
   absl::Duration finish_within = absl::Minutes(10);
-  /// An idle worker is released after this time. Less than the --exit-when-idle of workers, which holds if the
-  /// autoscaler is away. Half of it starts workers anew in shorter gaps between jobs; twice of it pays for longer ones.
+  /// An idle worker is released after this time. Less than the --exit-when-idle of workers, which holds if
+  /// the autoscaler is away. Half of it starts workers anew in shorter gaps between jobs; twice of it pays
+  /// for longer ones.
   absl::Duration idle = absl::Minutes(2);
   /// Pauses after a refusal or a death at start: the first, doubled with each, up to the longest.
   absl::Duration first_pause = absl::Seconds(10);

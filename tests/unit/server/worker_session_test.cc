@@ -23,8 +23,8 @@ using testing::HasSubstr;
 using testing::Return;
 using testing::StrictMock;
 
-constexpr job::WorkerId kWorker(7);
-constexpr job::Attempt kAttempt(3);
+const job::WorkerId kWorker(7);
+const job::Attempt kAttempt(3);
 
 class MockWorkerApi : public WorkerApi {
  public:

@@ -20,6 +20,7 @@
 #include "proto/identity/certificate.h"
 #include "proto/identity/secrets.h"
 #include "proto/logging/fields.h"
+#include "proto/logging/log_flags.h"
 #include "proto/logging/nonblocking_log.h"
 #include "proto/rpc/version.h"
 #include "proto/service/service_manager.h"
@@ -62,8 +63,7 @@ struct Flags {
   double filter_minutes = 1440.0;
   double lease_seconds = 30.0;
   double heartbeat_seconds = 5.0;
-  std::string log_level = "info";
-  std::string log_format = "text";
+  lumifold::logging::LogOptions log = {.name = "lumifold-server", .pattern = "%Y-%m-%dT%H:%M:%S.%e %l %v"};
   uint64_t reserve_mb = 16;
   double keep_film_gb = 10;
   double keep_results_days = 0;
@@ -146,12 +146,7 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--reserve-mb", flags->reserve_mb,
                   "Disk space in MiB that is kept so that the ledger can be written when the disk is full")
       ->capture_default_str();
-  app->add_option("--log-level", flags->log_level, "Minimum level of the log on standard error")
-      ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
-      ->capture_default_str();
-  app->add_option("--log-format", flags->log_format, "text, or json: one object a line")
-      ->check(CLI::IsMember({"text", "json"}))
-      ->capture_default_str();
+  lumifold::logging::AddLogFlags(app, &flags->log);
   app->set_version_flag("--version", "lumifold-server " + std::string(lumifold::rpc::kVersion));
 }
 
@@ -265,11 +260,7 @@ int RunServer(const Flags& flags) {
     lumifold::identity::ProtectMemory();
   const sigset_t end_signals = BlockEndSignals();
   RaiseFileLimit();
-  const std::shared_ptr<spdlog::logger> log =
-      lumifold::logging::MakeNonblockingLogger({.name = "lumifold-server",
-                                                .format = flags.log_format,
-                                                .pattern = "%Y-%m-%dT%H:%M:%S.%e %l %v",
-                                                .level = flags.log_level});
+  const std::shared_ptr<spdlog::logger> log = lumifold::logging::MakeNonblockingLogger(flags.log);
   lumifold::server::ServerOptions options;
   options.data_dir = flags.data_dir;
   options.store = flags.store;

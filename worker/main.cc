@@ -24,6 +24,7 @@
 #include "proto/identity/profile.h"
 #include "proto/identity/secrets.h"
 #include "proto/logging/fields.h"
+#include "proto/logging/log_flags.h"
 #include "proto/logging/nonblocking_log.h"
 #include "proto/monitoring/endpoint.h"
 #include "proto/rpc/credentials.h"
@@ -96,8 +97,7 @@ struct Flags {
   bool insecure = false;
   std::string code;  // of enroll
   std::string name = DefaultName();
-  std::string log_level = "info";
-  std::string log_format = "text";
+  lumifold::logging::LogOptions log = {.name = "worker"};
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   int niceness = 10;
   std::vector<std::string> tags;
@@ -154,12 +154,7 @@ void AddFlags(CLI::App* app, Flags* flags) {
       ->capture_default_str();
   app->add_flag("--no-sandbox", flags->no_sandbox,
                 "For debugging: no limits, all files, all system calls, and root stays root");
-  app->add_option("--log-level", flags->log_level, "Minimum level of the log on standard error")
-      ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
-      ->capture_default_str();
-  app->add_option("--log-format", flags->log_format, "text, or json: one object a line")
-      ->check(CLI::IsMember({"text", "json"}))
-      ->capture_default_str();
+  lumifold::logging::AddLogFlags(app, &flags->log);
   app->footer(
       "Exit codes: 0 it has left, 1 failed, 2 wrong command line, 3 the coordinator does not admit it:\n"
       "its certificate was revoked, has expired or is not known, 4 it reached no coordinator within\n"
@@ -315,14 +310,14 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const std::string& addres
 }
 
 lumifold::worker::WorkerLog MakeLog(const Flags& flags, const std::string& name) {
-  lumifold::worker::WorkerLog log = lumifold::worker::MakeWorkerLog(lumifold::logging::MakeNonblockingLogger(
-      {.name = "worker", .format = flags.log_format, .level = flags.log_level}));
+  lumifold::worker::WorkerLog log =
+      lumifold::worker::MakeWorkerLog(lumifold::logging::MakeNonblockingLogger(flags.log));
   log.labels->SetWorker("-/" + name);  // it has no id yet
   return log;
 }
 
 int RunWorkerProcess(const Flags& flags) {
-  if (flags.log_format == "json") setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);  // its lines are no JSON
+  if (flags.log.format == "json") setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);  // its lines are no JSON
   const absl::Time start = lumifold::rpc::MonotonicNow();
   if (absl::Status status = sandbox::YieldToOthers(flags.niceness); !status.ok()) return Fail(status);
   const lumifold::identity::Profiles profiles(lumifold::identity::ProfilesFolder());

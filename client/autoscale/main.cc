@@ -23,6 +23,7 @@
 #include "proto/identity/profile.h"
 #include "proto/logging/fields.h"
 #include "proto/logging/front_logger.h"
+#include "proto/logging/log_flags.h"
 #include "proto/logging/nonblocking_log.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/version.h"
@@ -45,8 +46,7 @@ struct Flags {
   bool once = false;
   bool dry_run = false;
   bool json = false;
-  std::string log_level = "info";
-  std::string log_format = "text";
+  lumifold::logging::LogOptions log = {.name = "autoscale"};
   double interval_seconds = 15;
   autoscale::Limits limits;
   double budget_days = 0;
@@ -140,12 +140,7 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_flag("--once", flags->once, "Look, decide and act once, and print the decision");
   app->add_flag("--dry-run", flags->dry_run, "Start and release nothing: print what would be done");
   app->add_flag("--json", flags->json, "Print each decision as JSON, one object a line");
-  app->add_option("--log-level", flags->log_level, "Minimum level of the log on standard error")
-      ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
-      ->capture_default_str();
-  app->add_option("--log-format", flags->log_format, "text, or json: one object a line")
-      ->check(CLI::IsMember({"text", "json"}))
-      ->capture_default_str();
+  lumifold::logging::AddLogFlags(app, &flags->log);
   app->footer(
       "Exit codes: 0 ok (SIGINT and SIGTERM end it; workers stay), 1 failed, 2 wrong command line,\n"
       "3 coordinator not reachable (with --once; else it goes on trying).");
@@ -229,7 +224,7 @@ int RunSteps(const Flags& flags, autoscale::Autoscaler* autoscaler, spdlog::logg
 }
 
 int Run(const Flags& flags) {
-  if (flags.log_format == "json") setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);  // its lines are no JSON
+  if (flags.log.format == "json") setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);  // its lines are no JSON
   client::CatchInterrupts();
   client::Environment environment{.out = std::cout, .err = std::cerr};
   environment.profiles_folder = lumifold::identity::ProfilesFolder();
@@ -244,9 +239,8 @@ int Run(const Flags& flags) {
   if (!state.ok()) return Fail(client::OfThisMachine(state.status()));
   absl::StatusOr<autoscale::History> history = state->Read();
   if (!history.ok()) return Fail(client::OfThisMachine(history.status()));
-  const std::shared_ptr<spdlog::logger> log = lumifold::logging::MakeFrontLogger(
-      {.log = lumifold::logging::MakeNonblockingLogger(
-           {.name = "autoscale", .format = flags.log_format, .level = flags.log_level})});
+  const std::shared_ptr<spdlog::logger> log =
+      lumifold::logging::MakeFrontLogger({.log = lumifold::logging::MakeNonblockingLogger(flags.log)});
   log->info("event=start server={} min={} max={}", remote.server, flags.limits.minimum, flags.limits.maximum);
   autoscale::AutoscalerOptions options = OptionsOf(flags);
   options.read_farm = [&]() -> absl::StatusOr<autoscale::FarmState> {

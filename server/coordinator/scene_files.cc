@@ -10,6 +10,7 @@
 #include "server/assets/asset_checks.h"
 #include "server/assets/asset_store.h"
 #include "server/coordinator/explain.h"
+#include "server/job/job_spec.h"
 
 namespace lumifold::server {
 namespace {
@@ -60,11 +61,7 @@ absl::Status SceneFiles::CheckFetch(const v1::FetchAssetRequest& request, const 
     return status;
   // A scene may have thousands of files, and each worker fetches all of them.
   ActiveJob* const active = farm->jobs.FindActive(job);
-  if (active->scene_files.empty()) {
-    const v1::SceneRef& scene = active->record.spec.scene();
-    active->scene_files.insert(scene.file().sha256());
-    for (const v1::AssetRef& asset : scene.dependencies()) active->scene_files.insert(asset.sha256());
-  }
+  if (active->scene_files.empty()) active->scene_files = job::FilesOf(active->record.spec.scene());
   if (active->scene_files.contains(request.sha256())) return absl::OkStatus();
   return absl::PermissionDeniedError(
       absl::StrCat("job ", job.value(), " has no file ", logging::Quoted(request.sha256())));

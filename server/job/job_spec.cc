@@ -303,4 +303,10 @@ absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec) {
   return spec;
 }
 
+std::set<std::string> FilesOf(const v1::SceneRef& scene) {
+  std::set<std::string> files = {scene.file().sha256()};
+  for (const v1::AssetRef& asset : scene.dependencies()) files.insert(asset.sha256());
+  return files;
+}
+
 }  // namespace lumifold::job

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <set>
+#include <string>
+
 #include "absl/status/statusor.h"
 #include "lumifold/v1/job.pb.h"
 
@@ -26,5 +29,8 @@ void SetPassSamples(int pass_samples, v1::JobSpec* spec);
 /// specs only. The name of the method and the checksums of the assets are not checked here.
 /// Errors: kInvalidArgument naming the field, its value and the allowed range (server/job/limits.h).
 absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec);
+
+/// SHA-256 of all files of a scene.
+std::set<std::string> FilesOf(const v1::SceneRef& scene);
 
 }  // namespace lumifold::job

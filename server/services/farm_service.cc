@@ -15,6 +15,7 @@
 #include "server/assets/asset_checks.h"
 #include "server/cluster/farm_peers.h"
 #include "server/coordinator/roles.h"
+#include "server/job/job_spec.h"
 #include "server/metrics/traffic.h"
 #include "server/preview/preview_maker.h"
 #include "server/services/call_gate.h"
@@ -420,14 +421,13 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
     if (!claimed.ok()) return done(claimed.status());
     const auto own = std::make_shared<v1::SubmitJobRequest>(*std::move(claimed));
     own->mutable_scheduling()->set_trace_id(rpc::TraceIdOf(call.trace_parent()));
-    std::set<std::string> assets = {own->spec().scene().file().sha256()};
-    for (const v1::AssetRef& asset : own->spec().scene().dependencies()) assets.insert(asset.sha256());
-    parts_.checks->Check(assets, [this, own, &call, done](const absl::Status& checked) {
-      if (!checked.ok()) return done(checked);
-      absl::StatusOr<v1::SubmitJobResponse> submitted = parts_.submissions->SubmitJob(*own);
-      if (submitted.ok()) call.SetSubject(submitted->job_id());  // `done` keeps the call
-      done(std::move(submitted));
-    });
+    parts_.checks->Check(
+        job::FilesOf(own->spec().scene()), [this, own, &call, done](const absl::Status& checked) {
+          if (!checked.ok()) return done(checked);
+          absl::StatusOr<v1::SubmitJobResponse> submitted = parts_.submissions->SubmitJob(*own);
+          if (submitted.ok()) call.SetSubject(submitted->job_id());  // `done` keeps the call
+          done(std::move(submitted));
+        });
   }
 
   const ServiceParts parts_;

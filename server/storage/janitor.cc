@@ -14,6 +14,7 @@
 #include "filter/image/file_system.h"
 #include "proto/logging/fields.h"
 #include "proto/rpc/byte_stream.h"
+#include "server/job/job_spec.h"
 #include "server/storage/manifest.h"
 
 namespace lumifold::server {
@@ -345,8 +346,7 @@ absl::StatusOr<std::set<std::string>> Janitor::ReferencedAssets() {
       const absl::StatusOr<ledger::JobRecord> job = store_->GetJob(listed.id);  // with all files of its scene
       if (absl::IsNotFound(job.status())) continue;
       if (!job.ok()) return job.status();
-      assets.insert(job->spec.scene().file().sha256());
-      for (const v1::AssetRef& asset : job->spec.scene().dependencies()) assets.insert(asset.sha256());
+      assets.merge(job::FilesOf(job->spec.scene()));
     }
     if (!page->next.has_value()) return assets;
     filter.before = page->next;

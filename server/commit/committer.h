@@ -1,23 +1,18 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <functional>
 #include <map>
-#include <set>
-#include <string>
 #include <thread>
-#include <utility>
 #include <vector>
 
-#include "absl/base/thread_annotations.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
-#include "proto/threads/event.h"
-#include "server/commit/open_logs.h"
-#include "server/film/unit_log.h"
+#include "server/commit/accepted_unit.h"
+#include "server/commit/commit_queue.h"
+#include "server/commit/frame_logs.h"
 #include "server/ledger/job_store.h"
 #include "server/metrics/farm_timings.h"
 #include "server/storage/data_folder.h"
@@ -25,20 +20,6 @@
 #include "server/storage/storage_state.h"
 
 namespace lumifold::server {
-
-/// An accepted unit that is to be committed.
-struct AcceptedUnit {
-  film::EncodedUnit stored;
-  job::WorkerId worker;
-  std::string worker_name;
-  /// Camera samples of the unit, as counted by the scheduler.
-  int64_t samples = 0;
-  /// For the row of the job: its numeric class and the time of its first lease.
-  std::string numeric_class;
-  absl::Time started;
-  /// Size of its record in the log; set by the committer.
-  uint64_t record_bytes = 0;
-};
 
 struct CommitterOptions {
   /// Epoch in which this coordinator owns its jobs.
@@ -125,10 +106,6 @@ class Committer {
   void Stop();
 
  private:
-  struct Order {
-    std::function<absl::Status()> write;
-    std::function<void(const absl::Status&)> done;
-  };
   /// The units of one job that are being committed.
   struct JobBatch {
     std::vector<AcceptedUnit> units;
@@ -141,62 +118,31 @@ class Committer {
   void Run();
   /// Waits until there is something to do; false when the committer is to end.
   bool AwaitWork();
-  bool HasWork() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Waits after an error of the storage, until there is a new order at most; false when the committer is to
   /// end.
   bool Pause();
-  bool EndsPause();
   /// Tries everything that waits once. Errors: one of the storage.
   absl::Status WriteWaiting();
   absl::Status CarryOutOrders();
   absl::Status CommitBatch();
-  void FillBatch();
   /// Writes the units of the batch to their logs, and syncs these.
   absl::Status WriteLogs();
-  absl::Status WriteLogs(const job::JobId& job, JobBatch* batch);
-  absl::Status WriteLog(const FrameKey& frame, const std::vector<AcceptedUnit*>& units,
-                        std::vector<ledger::UnitRecord>* records);
-  absl::Status AppendAndSync(const FrameKey& frame, const std::vector<AcceptedUnit*>& units,
-                             std::vector<ledger::UnitRecord>* records);
-  /// Counts an error of the disk with a log, and begins a new log after some. The error that is to be tried
-  /// again.
-  absl::Status SetAsideBrokenLog(const FrameKey& frame, const absl::Status& cause);
-  absl::Status RecordClass(const job::JobId& job, const std::string& numeric_class);
   void Report(Batch batch, const std::vector<absl::Status>& outcomes);
 
-  absl::StatusOr<film::UnitLog*> LogOf(const FrameKey& frame);
-  absl::StatusOr<film::UnitLog> OpenLog(const FrameKey& frame);
-  absl::StatusOr<std::vector<ledger::UnitRecord>> TakeBackLostUnits(const FrameKey& frame);
-  absl::Status VoidRecordsOf(const FrameKey& frame, const std::vector<job::UnitKey>& units);
-
   const CommitterOptions options_;
-  const DataFolder folder_;
   ledger::JobStore* const store_;
   StorageState* const storage_;
   monitoring::FarmTimings* const timings_;
   Listener* const listener_;
+  CommitQueue queue_;
 
   // Used by the committer's thread only, and before it starts.
-  OpenLogs logs_;
+  FrameLogs logs_;
   ReserveFile reserve_;
-  std::map<FrameKey, uint64_t> committed_bytes_;  // of logs that have committed units
-  std::set<job::JobId> classes_recorded_;
-  /// Lost units until the ledger is known not to have them: a try whose outcome is not known is repeated.
-  std::map<FrameKey, std::map<job::UnitKey, ledger::UnitRecord>> being_revoked_;
-  /// Errors of the disk with a log since it was last written.
-  std::map<FrameKey, int> write_errors_;
   Batch batch_;
   bool batch_is_synced_ = false;
   int failures_ = 0;
 
-  absl::Mutex mutex_;
-  bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
-  std::deque<Order> orders_ ABSL_GUARDED_BY(mutex_);
-  std::deque<AcceptedUnit> units_ ABSL_GUARDED_BY(mutex_);
-  bool has_new_order_ ABSL_GUARDED_BY(mutex_) = false;
-  bool storage_failed_ ABSL_GUARDED_BY(mutex_) = false;
-
-  threads::Event wake_up_;
   std::thread thread_;
 };
 

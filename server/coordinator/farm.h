@@ -7,7 +7,8 @@
 #include <vector>
 
 #include "absl/time/time.h"
-#include "server/commit/committer.h"
+#include "server/commit/accepted_unit.h"
+#include "server/commit/open_logs.h"
 #include "server/coordinator/frame_limit.h"
 #include "server/coordinator/frame_queue.h"
 #include "server/coordinator/in_hand.h"

@@ -134,9 +134,27 @@ int FaultyFiles::Open(const std::string& path, int flags) {
   return file;
 }
 
+void FaultyFiles::FailWrites(int count, const std::string& part) {
+  absl::MutexLock lock(&mutex_);
+  failing_writes_ = count;
+  failing_writes_part_ = part;
+}
+
+int FaultyFiles::failing_writes() const {
+  absl::MutexLock lock(&mutex_);
+  return failing_writes_;
+}
+
+bool FaultyFiles::FailsThisWrite(const std::string& path) {
+  absl::MutexLock lock(&mutex_);
+  if (failing_writes_ == 0 || path.find(failing_writes_part_) == std::string::npos) return false;
+  --failing_writes_;
+  return true;
+}
+
 int FaultyFiles::Write(int file, uint64_t offset, absl::Span<const std::string_view> pieces) {
-  if (IsBroken(file)) return -EIO;
   const std::string path = PathOf(file);
+  if (IsBroken(file) || FailsThisWrite(path)) return -EIO;
   const int error = Begin(path);
   bool tears = false;
   {

@@ -19,6 +19,9 @@ class FaultyFiles final : public FileSystem {
  public:
   /// Call number `call`, from 1, fails once with `error` (errno).
   void FailAt(int64_t call, int error);
+  /// The next `count` writes to files with `part` in their path fail with EIO.
+  void FailWrites(int count, const std::string& part);
+  int failing_writes() const;
   /// The machine stops in call number `call`: half of a write is done, nothing else happens any more.
   void StopAt(int64_t call);
   /// From now on every call that changes a path with `part` in it fails with `error`, until Heal.
@@ -53,6 +56,7 @@ class FaultyFiles final : public FileSystem {
   };
 
   bool IsBroken(int file) const;
+  bool FailsThisWrite(const std::string& path);
   /// 0, or the error with which the call fails.
   int Begin(const std::string& path);
   std::string PathOf(int file) const;
@@ -70,6 +74,8 @@ class FaultyFiles final : public FileSystem {
   bool stops_now_ ABSL_GUARDED_BY(mutex_) = false;
   bool stopped_ ABSL_GUARDED_BY(mutex_) = false;
   int failing_ ABSL_GUARDED_BY(mutex_) = 0;
+  int failing_writes_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::string failing_writes_part_ ABSL_GUARDED_BY(mutex_);
   std::string failing_part_ ABSL_GUARDED_BY(mutex_);
   std::optional<uint64_t> broken_ ABSL_GUARDED_BY(mutex_);  // inode
   std::map<int, std::string> open_ ABSL_GUARDED_BY(mutex_);

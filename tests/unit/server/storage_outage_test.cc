@@ -1,7 +1,6 @@
 // Storage that cannot be written is never a job's error: what arrives waits, and goes on by itself.
 #include <gmock/gmock.h>
 
-#include <atomic>
 #include <cerrno>
 #include <filesystem>
 #include <memory>
@@ -168,25 +167,16 @@ TEST_F(StorageOutageTest, ALogThatAloneCannotBeWrittenIsSetAsideAndItsUnitsAreRe
 }
 
 TEST_F(StorageOutageTest, ErrorsOfALogCountFromItsLastSuccess) {
-  Stop();
-  // Shared: the coordinator uses the files until it ends.
-  const auto errors_left = std::make_shared<std::atomic<int>>(0);
-  files_.OnCall([this, errors_left](const std::string& path) {
-    if (!path.ends_with(".units") || *errors_left == 0) return;
-    --*errors_left;
-    files_.FailAt(files_.calls() + 1, EIO);
-  });
-  ASSERT_TRUE(Start().ok());
   const job::JobId job = Submit(Spec(3));
   PumpedWorker worker(coordinator_.get(), 1);
   Deliver(&worker, 1);
   for (size_t unit = 1; unit <= 4; ++unit) {
     Await([&] { return worker.acknowledged().size() == unit; });
-    *errors_left = 2;  // a third one in a row would give the log up
+    files_.FailWrites(2, ".units");  // a third one in a row would give the log up
     Deliver(&worker, 1);
   }
   Await([&] { return worker.acknowledged().size() == 5; });
-  EXPECT_EQ(*errors_left, 0);
+  EXPECT_EQ(files_.failing_writes(), 0);
   EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
   coordinator_->Shutdown();
   EXPECT_EQ(CountInLog("event=units_lost"), 0);

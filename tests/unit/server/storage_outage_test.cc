@@ -167,6 +167,7 @@ TEST_F(StorageOutageTest, ALogThatAloneCannotBeWrittenIsSetAsideAndItsUnitsAreRe
 }
 
 TEST_F(StorageOutageTest, ErrorsOfALogCountFromItsLastSuccess) {
+  ASSERT_TRUE(Start().ok());
   const job::JobId job = Submit(Spec(3));
   PumpedWorker worker(coordinator_.get(), 1);
   Deliver(&worker, 1);

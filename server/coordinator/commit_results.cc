@@ -28,7 +28,7 @@ void CommitResults::OnCommitted(const std::vector<AcceptedUnit>& units, const ab
                          absl::StrCat("units cannot be committed: ", std::string(status.message())));
   }
   for (const AcceptedUnit& unit : units) {
-    farm->CountCommitted(unit.worker, unit);
+    farm->CountCommitted(unit);
     farm->workers.Acknowledge(unit.worker, unit.stored.unit, unit.stored.attempt);
   }
 }

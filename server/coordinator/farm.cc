@@ -100,7 +100,7 @@ void Farm::EndJob(const JobId& job, v1::JobState state, const std::string& cause
 
 void Farm::SuspendJob(const JobId& job, v1::JobStatus shown) {
   if (jobs.FindActive(job) != nullptr) {
-    shown = *StatusOf(job);
+    shown = StatusOf(job).value_or(shown);
     shown.set_workers(0);
     jobs.TakeActive(job);
     dependencies.Remove(job);
@@ -221,7 +221,7 @@ void Farm::LimitFramesFor(const JobId& job) {
   scheduler.SetMaxActiveFrames(frame_limit.MaxActiveFrames());
 }
 
-void Farm::CountCommitted(const job::WorkerId& worker, const AcceptedUnit& unit) {
+void Farm::CountCommitted(const AcceptedUnit& unit) {
   ++totals.units_committed;
   totals.samples_committed += unit.samples;
   const job::UnitRef& ref = unit.stored.unit;
@@ -241,7 +241,7 @@ void Farm::CountCommitted(const job::WorkerId& worker, const AcceptedUnit& unit)
     record.times.set_render_seconds(absl::ToDoubleSeconds(resources_->options.now() - *active->render_start));
   for (const std::string& line : unit.stored.stats.warnings()) AddWarning(line, &record);
   resources_->log().debug("event=unit_committed unit={} worker={} seconds={:.3f}",
-                          logging::Quoted(Describe(ref)), workers.NameOf(worker),
+                          logging::Quoted(Describe(ref)), workers.NameOf(unit.worker),
                           unit.stored.stats.seconds());
   if (scheduler.UnitCommitted(ref))
     resources_->log().info("event=frame_committed job={} frame={}", ref.job.value(), ref.key.frame);

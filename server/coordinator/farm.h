@@ -82,7 +82,7 @@ class Farm {
   int64_t LeasesWanted(const job::JobId& job) const;
 
   /// A unit is committed.
-  void CountCommitted(const job::WorkerId& worker, const AcceptedUnit& unit);
+  void CountCommitted(const AcceptedUnit& unit);
   /// Units of an active job are committed no more: they are rendered again.
   void RevokeUnits(const job::JobId& job, const std::vector<ledger::UnitRecord>& units);
   /// Whether what a frame was queued for is still due.

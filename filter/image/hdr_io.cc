@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/escaping.h"
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -98,7 +99,8 @@ std::string ParseHeader(Reader& reader, Header* header) {
   if (!line || !absl::StartsWith(*line, kMagic)) return "not a Radiance picture";
   while ((line = reader.Line()) && !line->empty()) {
     if (absl::StartsWith(*line, "FORMAT=") && *line != "FORMAT=32-bit_rle_rgbe") {
-      return absl::StrCat("its ", *line, " is not read; only 32-bit_rle_rgbe is");
+      return absl::StrCat("its ", absl::CHexEscape(line->substr(0, 64)),
+                          " is not read; only 32-bit_rle_rgbe is");
     }
     double factor = 1;
     if (absl::ConsumePrefix(&*line, "EXPOSURE=")) {

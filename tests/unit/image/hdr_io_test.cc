@@ -92,6 +92,9 @@ TEST(Hdr, RefusesWhatIsNoWholePicture) {
   EXPECT_THAT(ErrorOf(""), HasSubstr("not a Radiance picture"));
   EXPECT_THAT(ErrorOf("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n"), HasSubstr("within its header"));
   EXPECT_THAT(ErrorOf("#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n1234"), HasSubstr("xyze"));
+  const std::string long_format = ErrorOf("#?RADIANCE\nFORMAT=\x01" + std::string(5000, 'x') + "\n");
+  EXPECT_THAT(long_format, HasSubstr("its FORMAT=\\x01xxx"));
+  EXPECT_LT(long_format.size(), 500u);
   EXPECT_THAT(ErrorOf(Head("-Y 1 +X 1", "EXPOSURE=0\n") + "1234"), HasSubstr("EXPOSURE"));
   for (const char* resolution : {"", "-Y 0 +X 4", "-Y 4", "-Y 4 +Y 4", "-Y x +X 4", "-Y -4 +X 4"}) {
     EXPECT_THAT(ErrorOf(Head(resolution) + "1234"), HasSubstr("resolution")) << resolution;

@@ -37,7 +37,9 @@ def clang_arguments(command):
             skip = False
         elif argument == "-o" or (argument == "-include" and "cmake_pch" in arguments[i + 1]):
             skip = True
-        elif argument.endswith(".cc") or argument.startswith("-mmemset-strategy="):  # the input; a flag of gcc alone
+        elif argument.endswith(".cc"):  # the input
+            pass
+        elif argument.startswith(("-mmemset-strategy=", "-munroll-only-small-loops")):  # flags of gcc alone
             pass
         elif argument not in ("-c", "-Winvalid-pch", "-fpch-preprocess"):
             kept.append(argument)

@@ -41,7 +41,7 @@ absl::Status CheckMethod(std::string_view method);
 /// EdgedImage; null or without channels if the film has none.
 /// Errors:  kInvalidArgument naming a channel that is missing; those of CheckMethod.
 /// Threads: safe concurrently; the result is identical for any pool, null included.
-/// Source:  Gruzdev, Frolov & Ignatenko 2015; oracle: manifold_slow.cc. Methods() names the source of each
+/// Source:  Gruzdev, Frolov & Ignatenko 2015. Methods() names the source of each
 ///          baseline.
 absl::StatusOr<Picture> FilterFilm(const LayeredImage& film, std::string_view method, TaskPool* pool,
                                    const LayeredImage* edges = nullptr,

@@ -256,7 +256,7 @@ HWY_INLINE void LinksAt(const LinkArgs& args, const LinkReach& reach, int x, flo
 
 HWY_ATTR void LinkRow(const LinkArgs& args, const LinkReach& reach, float* weights) {
   const int lanes = static_cast<int>(hn::Lanes(Floats()));
-  if (args.count < lanes) return slow::LinkRow(args, reach, weights);
+  if (args.count < lanes) return LinkNarrowRow(args, reach, weights);
   for (int x = 0; x + lanes <= args.count; x += lanes) LinksAt(args, reach, x, weights);
   if (args.count % lanes != 0) LinksAt(args, reach, args.count - lanes, weights);
 }
@@ -273,6 +273,17 @@ HWY_EXPORT(RecurseRowsEvenly);
 HWY_EXPORT(PullRow);
 HWY_EXPORT(PullRowEvenly);
 HWY_EXPORT(LinkRow);
+
+void LinkNarrowRow(const LinkArgs& args, const LinkReach& reach, float* weights) {
+  for (int x = 0; x < args.count; ++x) {
+    float square = 0;
+    for (size_t k = 0; k < args.planes; ++k) {
+      const float difference = args.here[k][x] - args.there[k][x];
+      square += difference * difference;
+    }
+    weights[x] = Exp((-kSqrt2 / reach.sigma) * std::sqrt(1.0f + reach.stretch * square));
+  }
+}
 
 void RecurseRows(const RecurseArgs& args, const float* const* weights) {
   HWY_DYNAMIC_DISPATCH(RecurseRows)(args, weights);

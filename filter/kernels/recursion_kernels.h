@@ -5,8 +5,7 @@
 namespace lumifold::filter {
 
 // The inner loops of recursive low-pass filters, by the rules of row_kernels.h: the same bits with any vector
-// width, each with an oracle in namespace slow (recursion_kernels_slow.cc) that is equal to the last bit. All
-// are safe to run concurrently.
+// width, each equal to the last bit to an oracle of the tests. All are safe to run concurrently.
 
 /// Rows of cells of some signals. from and to may be the same.
 struct RecurseArgs {
@@ -42,13 +41,7 @@ struct LinkReach {
 };
 /// weights[x] = exp(-sqrt(2)/sigma sqrt(1 + stretch |here - there|^2)).
 void LinkRow(const LinkArgs& args, const LinkReach& reach, float* weights);
-
-namespace slow {
-void RecurseRows(const RecurseArgs& args, const float* const* weights);
-void RecurseRowsEvenly(const RecurseArgs& args, float weight);
-void PullRow(const float* weight, const float* from, int count, float* to);
-void PullRowEvenly(float weight, const float* from, int count, float* to);
-void LinkRow(const LinkArgs& args, const LinkReach& reach, float* weights);
-}  // namespace slow
+/// The same bits a cell at a time, for rows that are narrower than a vector.
+void LinkNarrowRow(const LinkArgs& args, const LinkReach& reach, float* weights);
 
 }  // namespace lumifold::filter

@@ -291,7 +291,7 @@ HWY_INLINE void CorrelateVectors(const CorrelateArgs& args, int x, float* out) {
 HWY_ATTR void CorrelateRows(const CorrelateArgs& args, float* out) {
   constexpr int kTogether = 4;
   const int lanes = static_cast<int>(hn::Lanes(Floats()));
-  if (args.count < lanes) return slow::CorrelateRows(args, out);
+  if (args.count < lanes) return CorrelateNarrowRows(args, out);
   int x = 0;
   for (; x + kTogether * lanes <= args.count; x += kTogether * lanes)
     CorrelateVectors<kTogether>(args, x, out);
@@ -329,6 +329,20 @@ Widening::Widening(int cell_step)
     const int position = static_cast<int>(x) + offset;
     left[x] = position / step;
     part[x] = step == 1 ? 0.0f : (static_cast<float>(position % step) + 0.5f) / static_cast<float>(step);
+  }
+}
+
+void CorrelateNarrowRows(const CorrelateArgs& args, float* out) {
+  for (int x = 0; x < args.count; ++x) {
+    const float* taps = args.taps;
+    out[x] = 0;
+    for (size_t r = 0; r < args.rows; ++r, taps += args.row_taps) {
+      const float* row = args.pixels[r] + x;
+      int j = 0;
+      for (; j + 2 < args.row_taps; j += 3)
+        out[x] += (taps[j] * row[j] + taps[j + 1] * row[j + 1]) + taps[j + 2] * row[j + 2];
+      for (; j < args.row_taps; ++j) out[x] += taps[j] * row[j];
+    }
   }
 }
 

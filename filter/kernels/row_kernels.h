@@ -8,10 +8,9 @@ namespace lumifold::filter {
 
 // The inner loops of the filter, over one strip of one row of pixels or cells. They run with the widest
 // vectors of the processor, chosen at run time, and give the same bits with any width: no multiply-add is
-// fused, and no order of summation depends on the width. Each has an oracle of the same signature in
-// namespace slow (row_kernels_slow.cc) that is equal to the last bit. Strips begin at a multiple of
-// kStripColumns; rows of pixels may be read and written up to the next multiple of kRowPadding floats, as
-// Plane allows. All are safe to run concurrently.
+// fused, and no order of summation depends on the width. Each is equal to the last bit to an oracle of the
+// tests, of the same signature. Strips begin at a multiple of kStripColumns; rows of pixels may be read and
+// written up to the next multiple of kRowPadding floats, as Plane allows. All are safe to run concurrently.
 
 /// Greatest number of columns that one call works on: its sums stay in the cache, yet rows of cells are long
 /// enough for hardware prefetching. A multiple of every cell's side.
@@ -119,20 +118,9 @@ struct CorrelateArgs {
 /// out[x] = sum over rows and taps j of taps[row][j] * pixels[row][x + j], row after row, added in groups of
 /// three taps, each group from the left.
 void CorrelateRows(const CorrelateArgs& args, float* out);
+/// The same bits a pixel at a time, for rows that are narrower than a vector.
+void CorrelateNarrowRows(const CorrelateArgs& args, float* out);
 /// out[x] = Asinh(in[x] * inverse_knee) - shift.
 void StabiliseRow(const float* in, float inverse_knee, float shift, int count, float* out);
-
-namespace slow {
-void BlendCells(const BlendArgs& args);
-bool WeighRow(const Widening& widening, const WeighArgs& args, const SplitArgs* split);
-bool SplatRow(const SplatArgs& args);
-void SliceRow(const Widening& widening, const SliceArgs& args);
-void AddProductRow(const float* a, const float* b, int count, float* sums);
-void SumRows(const float* a, const float* b, int count, float* out);
-void AddPairs(const float* from, int count, float scale, float* to);
-void QuotientRow(const float* total, float least, const float* instead, int count, float* sums);
-void CorrelateRows(const CorrelateArgs& args, float* out);
-void StabiliseRow(const float* in, float inverse_knee, float shift, int count, float* out);
-}  // namespace slow
 
 }  // namespace lumifold::filter

@@ -45,7 +45,7 @@ inline int CellOf(const ManifoldParams& params) {
 /// Threads: safe concurrently; the result is identical for any pool, null included, and any instruction set.
 /// Source:  Gastal & Oliveira 2012, Algorithm 1 and Eq. (4), without the outliers' adjustment of Eq. (10);
 ///          box-mean downsampling, deterministic clusters and all recursion on coarse grids
-///          (docs/decisions/0006-filter-deviations.md). Oracle: manifold_slow.cc.
+///          (docs/decisions/0006-filter-deviations.md).
 Planes ManifoldFilter(const Planes& signals, const Planes& features, ConstFloatView mask,
                       const ManifoldParams& params, TaskPool* pool);
 

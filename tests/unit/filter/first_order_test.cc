@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "filter/manifold/manifold_filter.h"
-#include "filter/manifold/manifold_slow.h"
 #include "is_finite.h"
+#include "tests/unit/filter/manifold_oracle.h"
 
 namespace lumifold::filter {
 namespace {
@@ -81,7 +81,7 @@ TEST(FirstOrder, EqualsItsOracleOnCellsOfAPixel) {
   ManifoldParams plain = fit;
   plain.is_first_order = false;
   const Planes means =
-      ManifoldFilterSlow(MomentsOf(light), scene.features, scene.mask.view(), plain, kReach, nullptr)
+      ManifoldFilterOracle(MomentsOf(light), scene.features, scene.mask.view(), plain, kReach, nullptr)
           .filtered;
   const Planes expected = FitLight(means, kReach, kFit.slope_ridge, nullptr);
   const Planes fast = Filtered(light, scene, fit);

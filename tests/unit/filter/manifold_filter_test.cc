@@ -8,10 +8,10 @@
 #include <memory>
 #include <random>
 
-#include "filter/manifold/manifold_slow.h"
 #include "filter/manifold/manifold_tree.h"
 #include "is_finite.h"
 #include "tests/support/shuffling_pool.h"
+#include "tests/unit/filter/manifold_oracle.h"
 
 namespace lumifold::filter {
 namespace {
@@ -79,7 +79,7 @@ TEST(ManifoldFilter, EqualsItsOracleForOddSizesMasksReachesAndHeights) {
     for (const bool keeps_mass : {false, true}) {
       params.keeps_mass = keeps_mass;
       const ManifoldResult slow =
-          ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, c.sigma_s, nullptr);
+          ManifoldFilterOracle(input.signals, input.features, input.mask.view(), params, c.sigma_s, nullptr);
       EXPECT_LT(WorstDifference(Filtered(input, params), slow.filtered), 2e-5)
           << c.width << "x" << c.height << " H " << c.tree_height << (keeps_mass ? " keeps mass" : "");
     }
@@ -116,7 +116,7 @@ TEST(ManifoldFilter, EqualsItsOracleAtAReachAndCellsOfItsOwn) {
       const ManifoldResult fast = ManifoldFilterAtPoints(input.signals, input.features, input.mask.view(),
                                                          params, reach, nullptr, nullptr);
       const ManifoldResult slow =
-          ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, reach, nullptr);
+          ManifoldFilterOracle(input.signals, input.features, input.mask.view(), params, reach, nullptr);
       EXPECT_TRUE(fast.points.values.empty());
       EXPECT_LT(WorstDifference(fast.filtered, slow.filtered), 3e-5) << cell << " " << reach;
     }
@@ -162,7 +162,7 @@ TEST(ManifoldFilter, SlicesPointsBetweenPixelsAsItsOracleDoes) {
     const ManifoldResult fast = ManifoldFilterAtPoints(input.signals, input.features, input.mask.view(),
                                                        params, reach, &points, nullptr);
     const ManifoldResult slow =
-        ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, reach, &points);
+        ManifoldFilterOracle(input.signals, input.features, input.mask.view(), params, reach, &points);
     EXPECT_EQ(WorstDifference(fast.filtered, Filtered(input, params)) == 0,
               reach == params.sigma_s);  // points change nothing
     EXPECT_LT(WorstDifference(fast.points.values, slow.points.values), 1e-4) << reach;
@@ -194,7 +194,7 @@ TEST(ManifoldFilter, SplatsPointsWithSignalsAsItsOracleDoes) {
       const ManifoldResult fast = ManifoldFilterAtPoints(input.signals, input.features, input.mask.view(),
                                                          params, reach, &points, nullptr);
       const ManifoldResult slow =
-          ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, reach, &points);
+          ManifoldFilterOracle(input.signals, input.features, input.mask.view(), params, reach, &points);
       EXPECT_LT(WorstDifference(fast.filtered, slow.filtered), 1e-4) << samples << " " << reach;
       EXPECT_LT(WorstDifference(fast.points.values, slow.points.values), 1e-4) << samples << " " << reach;
       EXPECT_LT(WorstDifference(fast.points.weights, slow.points.weights), 1e-4) << samples << " " << reach;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <vector>
 
+#include "tests/unit/filter/kernel_oracles.h"
 #include "tests/unit/filter/kernel_rows.h"
 
 namespace lumifold::filter {
@@ -34,7 +35,7 @@ TEST_F(RecursionKernels, RecurseRowsEqualsItsOracleForAnyNumberOfRowsOnEachTarge
           std::vector<Row> slow = from;
           const auto in_place = Pointers<float*>(slow);
           RecurseRows({sources.data(), Pointers<float*>(fast).data(), signals, rows, count}, links.data());
-          slow::RecurseRows({in_place.data(), in_place.data(), signals, rows, count}, links.data());
+          oracle::RecurseRows({in_place.data(), in_place.data(), signals, rows, count}, links.data());
           ExpectSame(fast, slow, static_cast<int>(kRoom));
         }
       }
@@ -52,7 +53,7 @@ TEST_F(RecursionKernels, RecurseRowsEvenlyEqualsItsOracleForAnyNumberOfRowsOnEac
         std::vector<Row> slow = from;
         const auto in_place = Pointers<float*>(fast);
         RecurseRowsEvenly({in_place.data(), in_place.data(), 1, rows, count}, 0.375f);
-        slow::RecurseRowsEvenly({sources.data(), Pointers<float*>(slow).data(), 1, rows, count}, 0.375f);
+        oracle::RecurseRowsEvenly({sources.data(), Pointers<float*>(slow).data(), 1, rows, count}, 0.375f);
         ExpectSame(fast, slow, static_cast<int>(kRoom));
       }
     }
@@ -69,10 +70,10 @@ TEST_F(RecursionKernels, PullRowsEqualTheirOraclesAtAnyOffsetOnEachTarget) {
         Row fast = start;
         Row slow = start;
         PullRow(weight.data(), from.data(), count, fast.data() + offset);
-        slow::PullRow(weight.data(), from.data(), count, slow.data() + offset);
+        oracle::PullRow(weight.data(), from.data(), count, slow.data() + offset);
         ExpectSame(fast, slow, static_cast<int>(kRoom));
         PullRowEvenly(0.4f, from.data(), count, fast.data() + offset);
-        slow::PullRowEvenly(0.4f, from.data(), count, slow.data() + offset);
+        oracle::PullRowEvenly(0.4f, from.data(), count, slow.data() + offset);
         ExpectSame(fast, slow, static_cast<int>(kRoom));
       }
     }
@@ -92,7 +93,7 @@ TEST_F(RecursionKernels, LinkRowEqualsItsOracleOnEachTarget) {
         Row fast(kRoom);
         Row slow(kRoom);
         LinkRow(args, reach, fast.data());
-        slow::LinkRow(args, reach, slow.data());
+        LinkNarrowRow(args, reach, slow.data());
         ExpectSame(fast, slow, static_cast<int>(kRoom));
       }
     }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "filter/image/portable_math.h"
+#include "tests/unit/filter/kernel_oracles.h"
 #include "tests/unit/filter/kernel_rows.h"
 
 namespace lumifold::filter {
@@ -55,7 +56,7 @@ TEST_F(RowKernels, WeighRowEqualsItsOracleOnEachTarget) {
           WeighCase fast = start;
           WeighCase slow = start;
           const bool found = RunWeigh(WeighRow, step, count, splits, &fast);
-          const bool expected = RunWeigh(slow::WeighRow, step, count, splits, &slow);
+          const bool expected = RunWeigh(oracle::WeighRow, step, count, splits, &slow);
           EXPECT_TRUE(found || !expected);
           ExpectSame(fast.weight, slow.weight, count);
           ExpectSame(fast.total, slow.total, count);
@@ -86,7 +87,7 @@ TEST_F(RowKernels, SplatRowEqualsItsOracleOnEachTarget) {
               {rows.data(), rows.size(), mask.data(), weight.data(), Pointers<float*>(*sums).data(), count});
         };
         const bool found = run(SplatRow, &fast);
-        const bool expected = run(slow::SplatRow, &slow);
+        const bool expected = run(oracle::SplatRow, &slow);
         EXPECT_TRUE(found || !expected);
         ExpectSame(fast, slow, count);
       }
@@ -107,8 +108,8 @@ TEST_F(RowKernels, SliceRowEqualsItsOracleOnEachTarget) {
         std::vector<Row> slow = start;
         SliceRow(Widening(step), {weight_rows.data(), kManifolds, psi.data(), kRoom, start.size(),
                                   Pointers<float*>(fast).data(), count});
-        slow::SliceRow(Widening(step), {weight_rows.data(), kManifolds, psi.data(), kRoom, start.size(),
-                                        Pointers<float*>(slow).data(), count});
+        oracle::SliceRow(Widening(step), {weight_rows.data(), kManifolds, psi.data(), kRoom, start.size(),
+                                          Pointers<float*>(slow).data(), count});
         ExpectSame(fast, slow, count);
       }
     }
@@ -132,7 +133,7 @@ TEST_F(RowKernels, BlendCellsEqualsItsOracleAndClampsAtBothEnds) {
                            columns,           out->data(),       kRoom};
         };
         BlendCells(args(&fast));
-        slow::BlendCells(args(&slow));
+        oracle::BlendCells(args(&slow));
         ExpectSame(fast, slow, static_cast<int>(fast.size()));
       }
     }
@@ -154,13 +155,13 @@ TEST_F(RowKernels, PlainRowsEqualTheirOraclesAtAnyOffsetOnEachTarget) {
           ExpectSame(fast, slow, static_cast<int>(kRoom));
         };
         check([&](float* out) { AddProductRow(a.data() + offset, b.data(), count, out); },
-              [&](float* out) { slow::AddProductRow(a.data() + offset, b.data(), count, out); });
+              [&](float* out) { oracle::AddProductRow(a.data() + offset, b.data(), count, out); });
         check([&](float* out) { SumRows(a.data() + offset, b.data(), count, out); },
-              [&](float* out) { slow::SumRows(a.data() + offset, b.data(), count, out); });
+              [&](float* out) { oracle::SumRows(a.data() + offset, b.data(), count, out); });
         check([&](float* out) { QuotientRow(a.data() + offset, 0.2f, b.data(), count, out); },
-              [&](float* out) { slow::QuotientRow(a.data() + offset, 0.2f, b.data(), count, out); });
+              [&](float* out) { oracle::QuotientRow(a.data() + offset, 0.2f, b.data(), count, out); });
         check([&](float* out) { StabiliseRow(a.data() + offset, 7.5f, 0.25f, count, out); },
-              [&](float* out) { slow::StabiliseRow(a.data() + offset, 7.5f, 0.25f, count, out); });
+              [&](float* out) { oracle::StabiliseRow(a.data() + offset, 7.5f, 0.25f, count, out); });
       }
     }
   });
@@ -176,7 +177,7 @@ TEST_F(RowKernels, CorrelateRowsEqualsItsOracleOnEachTarget) {
         Row fast(kRoom, 9.0f);
         Row slow(kRoom, 9.0f);
         CorrelateRows({taps.data(), row_taps, rows.data(), rows.size(), count}, fast.data());
-        slow::CorrelateRows({taps.data(), row_taps, rows.data(), rows.size(), count}, slow.data());
+        CorrelateNarrowRows({taps.data(), row_taps, rows.data(), rows.size(), count}, slow.data());
         ExpectSame(fast, slow, static_cast<int>(kRoom));
       }
     }
@@ -190,7 +191,7 @@ TEST_F(RowKernels, AddPairsEqualsItsOracleOnEachTargetAndInPlace) {
       Row fast(kRoom, 9.0f);
       Row slow(kRoom, 9.0f);
       AddPairs(start.data(), count, 0.25f, fast.data());
-      slow::AddPairs(start.data(), count, 0.25f, slow.data());
+      oracle::AddPairs(start.data(), count, 0.25f, slow.data());
       ExpectSame(fast, slow, static_cast<int>(kRoom));
       Row in_place = start;
       AddPairs(in_place.data(), count, 0.25f, in_place.data());

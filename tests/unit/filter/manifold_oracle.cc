@@ -1,4 +1,4 @@
-#include "filter/manifold/manifold_slow.h"
+#include "tests/unit/filter/manifold_oracle.h"
 
 #include <cmath>
 #include <functional>
@@ -344,8 +344,8 @@ class SlowFilter {
 
 }  // namespace
 
-ManifoldResult ManifoldFilterSlow(const Planes& signals, const Planes& features, ConstFloatView mask,
-                                  const ManifoldParams& params, float reach, const SlicePoints* points) {
+ManifoldResult ManifoldFilterOracle(const Planes& signals, const Planes& features, ConstFloatView mask,
+                                    const ManifoldParams& params, float reach, const SlicePoints* points) {
   return SlowFilter(signals, features, mask, params, reach, points).Run();
 }
 

@@ -1,11 +1,8 @@
-#include <cmath>
 #include <vector>
 
-#include "filter/image/portable_math.h"
-#include "filter/kernels/kernel_constants.h"
-#include "filter/kernels/recursion_kernels.h"
+#include "tests/unit/filter/kernel_oracles.h"
 
-namespace lumifold::filter::slow {
+namespace lumifold::filter::oracle {
 
 void RecurseRows(const RecurseArgs& args, const float* const* weights) {
   for (size_t i = 0; i < args.signals * args.rows; ++i) {
@@ -21,7 +18,7 @@ void RecurseRows(const RecurseArgs& args, const float* const* weights) {
 void RecurseRowsEvenly(const RecurseArgs& args, float weight) {
   const std::vector<float> links(static_cast<size_t>(args.count), weight);
   const std::vector<const float*> rows(args.rows, links.data());
-  slow::RecurseRows(args, rows.data());
+  oracle::RecurseRows(args, rows.data());
 }
 
 void PullRow(const float* weight, const float* from, int count, float* to) {
@@ -32,15 +29,4 @@ void PullRowEvenly(float weight, const float* from, int count, float* to) {
   for (int x = 0; x < count; ++x) to[x] += weight * (from[x] - to[x]);
 }
 
-void LinkRow(const LinkArgs& args, const LinkReach& reach, float* weights) {
-  for (int x = 0; x < args.count; ++x) {
-    float square = 0;
-    for (size_t k = 0; k < args.planes; ++k) {
-      const float difference = args.here[k][x] - args.there[k][x];
-      square += difference * difference;
-    }
-    weights[x] = Exp((-kSqrt2 / reach.sigma) * std::sqrt(1.0f + reach.stretch * square));
-  }
-}
-
-}  // namespace lumifold::filter::slow
+}  // namespace lumifold::filter::oracle

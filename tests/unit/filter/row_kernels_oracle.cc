@@ -1,12 +1,11 @@
-#include "filter/kernels/row_kernels.h"
-
 #include <algorithm>
 #include <cmath>
 
 #include "filter/image/portable_math.h"
 #include "filter/kernels/kernel_constants.h"
+#include "tests/unit/filter/kernel_oracles.h"
 
-namespace lumifold::filter::slow {
+namespace lumifold::filter::oracle {
 namespace {
 
 /// Pixel x of a row of cells.
@@ -105,22 +104,8 @@ void QuotientRow(const float* total, float least, const float* instead, int coun
   for (int x = 0; x < count; ++x) sums[x] = total[x] < least ? instead[x] : sums[x] / total[x];
 }
 
-void CorrelateRows(const CorrelateArgs& args, float* out) {
-  for (int x = 0; x < args.count; ++x) {
-    const float* taps = args.taps;
-    out[x] = 0;
-    for (size_t r = 0; r < args.rows; ++r, taps += args.row_taps) {
-      const float* row = args.pixels[r] + x;
-      int j = 0;
-      for (; j + 2 < args.row_taps; j += 3)
-        out[x] += (taps[j] * row[j] + taps[j + 1] * row[j + 1]) + taps[j + 2] * row[j + 2];
-      for (; j < args.row_taps; ++j) out[x] += taps[j] * row[j];
-    }
-  }
-}
-
 void StabiliseRow(const float* in, float inverse_knee, float shift, int count, float* out) {
   for (int x = 0; x < count; ++x) out[x] = Asinh(in[x] * inverse_knee) - shift;
 }
 
-}  // namespace lumifold::filter::slow
+}  // namespace lumifold::filter::oracle

@@ -15,7 +15,7 @@ deploy/setup.sh --tests
 step 'configure'
 cmake --preset gate >/dev/null
 step 'build'
-cmake --build --preset gate 2>&1 | tee build/release/build.log
+cmake --build --preset gate $($full && echo --target all benches) 2>&1 | tee build/release/build.log
 # A cached object of a build without -Werror repeats its warnings and does not fail.
 if grep -n 'warning:' build/release/build.log; then exit 1; fi
 step 'format and lint'

@@ -1,9 +1,9 @@
-"""Builds a scene in Blender and renders it with the add-on, and with Cycles if asked for; a script for Blender.
+"""Builds scenes in Blender and renders each with the add-on, and with Cycles if asked for; a script for Blender.
 
-    blender -b --factory-startup --addons lumifold --python render_scene.py -- SCENE FOLDER JSON
+    blender -b --factory-startup --addons lumifold --python render_scene.py -- JSON
 
-JSON has settings of scene.lumifold, and of `render`, `world`: see `main`. Writes FOLDER/lumifold.exr with all passes, FOLDER/cycles.exr, and
-FOLDER/report.json.
+JSON is a list of [SCENE, FOLDER, WANTED]. WANTED has settings of scene.lumifold, and of `render`: see `main`. Writes FOLDER/lumifold.exr with
+all passes, FOLDER/cycles.exr, and FOLDER/report.json.
 """
 
 import json
@@ -82,5 +82,5 @@ def main(name, folder, wanted):
 
 
 if __name__ == "__main__":
-    name, folder, wanted = sys.argv[sys.argv.index("--") + 1 :]
-    main(name, folder, json.loads(wanted))
+    for name, folder, wanted in json.loads(sys.argv[-1]):
+        main(name, folder, wanted)

@@ -36,18 +36,18 @@ const KneePoint& WholeOf(const std::vector<KneePoint>& points, const KneePoint& 
 }
 
 /// What a point is relative to the whole method.
-struct Ratios {
+struct KneeRatios {
   double error = 0;
   double cost = 0;
 };
 
-Ratios RatiosOf(const std::vector<KneePoint>& points, const KneePoint& point) {
+KneeRatios RatiosOf(const std::vector<KneePoint>& points, const KneePoint& point) {
   const KneePoint& whole = WholeOf(points, point);
   return {point.errors.mse255.whole / whole.errors.mse255.whole, point.seconds / whole.seconds};
 }
 
 Figure KneeFigure(const std::vector<KneePoint>& points, const std::string& title, const std::string& label,
-                  double Ratios::* value) {
+                  double KneeRatios::* value) {
   Figure figure{title, label, "", {}, {}};
   for (const std::string& name : PartNames()) {
     if (name != kNothing) figure.rows.push_back(name);
@@ -71,7 +71,7 @@ std::string KneeTable(const std::vector<KneePoint>& points) {
       TableHead({"scene", "set", "spp", "without", "MSE255", "over the whole method's", "edges", "mirror",
                  "shadow", "textured", "flat", "processor seconds", "cost over the whole's"});
   for (const KneePoint& point : points) {
-    const Ratios ratios = RatiosOf(points, point);
+    const KneeRatios ratios = RatiosOf(points, point);
     std::vector<std::string> cells = {point.scene,
                                       SetName(point.scene, point.width, point.height),
                                       absl::StrCat(point.samples),
@@ -130,13 +130,13 @@ absl::StatusOr<bool> ChartKnee(const std::string& folder, const std::vector<Knee
                                const Provenance& provenance, DrawFormat format) {
   absl::StatusOr<bool> drawn = Draw(folder + "/knee-error",
                                     KneeFigure(points, "Error without one part of the method",
-                                               "MSE255 over that of the whole method", &Ratios::error),
+                                               "MSE255 over that of the whole method", &KneeRatios::error),
                                     format);
   if (!drawn.ok()) return drawn;
   absl::StatusOr<bool> cost_drawn =
       Draw(folder + "/knee-cost",
            KneeFigure(points, "Cost without one part of the method",
-                      "filter's time over that of the whole method", &Ratios::cost),
+                      "filter's time over that of the whole method", &KneeRatios::cost),
            format);
   if (!cost_drawn.ok()) return cost_drawn;
   if (absl::Status status = WriteFileAtomically(folder + "/knee.csv", KneeCsv(points)); !status.ok())

@@ -72,8 +72,9 @@ class ManualPages(harness.CliTest):
                 page = " ".join(self.read(self.succeed("man", command)).split())
                 for option in re.findall(r"^  [^ ].*?(--[a-z][a-z-]*)", self.succeed(command, "--help"), flags=re.MULTILINE):
                     self.assertIn(option, page)
+        page = self.read(self.succeed("man"))
         for command in commands:
-            self.assertIn(f"lumifold-{command}(1)", self.read(self.succeed("man")))
+            self.assertIn(f"lumifold-{command}(1)", page)
 
     def test_an_unknown_command_is_named(self):
         self.check_golden("man_unknown", "man", "rendr")

@@ -1,13 +1,12 @@
-// Runs the scene loader on libFuzzer's input. For any bytes, loading must return a valid Scene or an error of
-// one line, within the given limits.
+// The scene loader. For any bytes, loading must return a valid Scene or an error of one line, within the given limits.
 
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <string>
 #include <string_view>
+#include <vector>
 
-#include "tests/support/gltf_fixture.h"
+#include "tests/fuzz/fuzz_target.h"
+#include "tests/support/gltf_samples.h"
 #include "tests/support/scene_flaw.h"
 #include "worker/scene/gltf_loader.h"
 
@@ -35,24 +34,26 @@ std::string Document(std::string_view input) {
   return lumifold::scene::MakeGlb(std::string(input.substr(0, zero)), std::string(input.substr(zero + 1)));
 }
 
-[[noreturn]] void Fail(const char* what, const std::string& detail) {
-  std::fprintf(stderr, "gltf_fuzz: %s: %s\n", what, detail.c_str());
-  std::abort();
-}
-
 }  // namespace
 
+std::vector<std::string> lumifold::fuzz::Seeds() {
+  std::vector<std::string> seeds;
+  for (const auto& [name, fixture] : lumifold::scene::SampleDocuments()) {
+    seeds.push_back(fixture.Glb());
+    seeds.push_back(fixture.FullJson().dump() + '\0' + fixture.binary);
+  }
+  return seeds;
+}
+
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace lumifold;
   const std::string document = Document({reinterpret_cast<const char*>(data), size});
-  const auto no_files = [](const std::string& uri) -> absl::StatusOr<std::string> {
-    return absl::NotFoundError(uri + " does not exist");
-  };
-  const auto scene = lumifold::scene::LoadGltf(document, "fuzz", no_files, SmallLimits());
+  const auto scene = scene::LoadGltf(document, "fuzz", scene::NoFiles, SmallLimits());
   if (scene.ok()) {
-    const std::string flaw = lumifold::scene::FirstFlaw(*scene);
-    if (!flaw.empty()) Fail("the scene has", flaw);
+    const std::string flaw = scene::FirstFlaw(*scene);
+    if (!flaw.empty()) fuzz::Fail("the scene has", flaw);
   } else if (scene.status().message().find('\n') != absl::string_view::npos) {
-    Fail("an error of several lines", std::string(scene.status().message()));
+    fuzz::Fail("an error of several lines", std::string(scene.status().message()));
   }
   return 0;
 }

@@ -1,16 +1,16 @@
 #!/usr/bin/env bash
 # Builds the fuzz target of the scene loader with clang, in a build folder of its own, and runs it.
 #   tests/fuzz/run.sh SECONDS [RUNS]    runs for at most so many seconds and, where given, so many inputs
-#   tests/fuzz/run.sh --build           only builds
 # Ends with 0 when nothing was found, 77 where there is no clang with libFuzzer, and otherwise with an error; the input
-# at fault then lies in build/fuzz/found. LUMIFOLD_SCENES_PROGRAM names a built lumifold-scenes, whose smaller scenes
-# become seeds too.
+# at fault then lies in build/fuzz/found. The seeds come from programs of another build, in LUMIFOLD_BIN (default:
+# build/release/bin): the documents of fuzz-gltf and the smaller scenes of lumifold-scenes.
 set -euo pipefail
-seconds=${1:?usage: tests/fuzz/run.sh SECONDS [RUNS] | --build}
+seconds=${1:?usage: tests/fuzz/run.sh SECONDS [RUNS]}
 runs=${2:--1}
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
 build=$root/build/fuzz
+programs=${LUMIFOLD_BIN:-$root/build/release/bin}
 max_bytes=65536
 
 mkdir -p "$build/corpus" "$build/found" "$build/seeds"
@@ -24,14 +24,11 @@ cmake -S "$root" -B "$build" -G Ninja -DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD
   -DCMAKE_CXX_FLAGS_RELEASE='-O1 -g1 -fno-sanitize-recover=all' \
   -DLUMIFOLD_SANITIZE=fuzzer-no-link,address,undefined -DLUMIFOLD_FUZZ=ON -DLUMIFOLD_BUILD_TESTS=OFF \
   -DLUMIFOLD_BUILD_FARM=OFF -DLUMIFOLD_WERROR=OFF >/dev/null
-cmake --build "$build" --target gltf_fuzz gltf_seeds
-[ "$seconds" = --build ] && exit 0
+cmake --build "$build" --target gltf_fuzz
 
-"$build/bin/gltf_seeds" "$build/seeds"
-if [ -n "${LUMIFOLD_SCENES_PROGRAM:-}" ]; then
-  "$LUMIFOLD_SCENES_PROGRAM" --out "$build/seeds" >/dev/null
-  find "$build/seeds" -type f -size +$((max_bytes / 1024))k -delete
-fi
+"$programs/fuzz-gltf" --write-seeds "$build/seeds"
+"$programs/lumifold-scenes" --out "$build/seeds" >/dev/null
+find "$build/seeds" -type f -size +$((max_bytes / 1024))k -delete
 
 export UBSAN_OPTIONS=print_stacktrace=1
 export ASAN_OPTIONS=allocator_may_return_null=0:detect_leaks=1

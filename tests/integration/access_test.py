@@ -13,7 +13,7 @@ import unittest
 
 from farm import BIN, Farm, make_scene, run, wait_until
 
-SETTINGS = ["--size", "160x120", "--spp", "96", "--seed", "5", "--save-film"]
+SETTINGS = ["--size", "64x48", "--spp", "96", "--seed", "5", "--save-film"]
 CODE = re.compile(r"lumifold-[A-Za-z0-9_-]{64}")
 EXIT_FAILED = 1
 EXIT_UNREACHABLE = 3

@@ -109,7 +109,7 @@ class AdaptiveTest(SceneTest):
             farm.start_worker(threads=2)
             size = ("--size", f"{WIDTH}x{HEIGHT}", "--seed", "3")
             timed, again = self.root / "timed.exr", self.root / "again.exr"
-            job = farm.client("submit", self.scene, *size, "--time", "4s").stdout.strip()
+            job = farm.client("submit", self.scene, *size, "--time", "2s").stdout.strip()
             farm.client("wait", job)
             farm.client("download", job, "-o", timed)
             schedule = metadata_of(timed)["lumifold.schedule"]
@@ -122,7 +122,7 @@ class AdaptiveTest(SceneTest):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
             farm.start_worker(threads=2)
             size = ("--size", f"{WIDTH}x{HEIGHT}", "--seed", "3", "--force", "pass-samples=64")
-            job = farm.client("submit", self.scene, *size, "--time", "9s", "--frames", "0-2").stdout.strip()
+            job = farm.client("submit", self.scene, *size, "--time", "6s", "--frames", "0-2").stdout.strip()
             farm.client("wait", job)
             farm.client("download", job, "--frames", "0-2", "-o", self.root / "shared-####.exr")
             schedules = [metadata_of(self.root / f"shared-{frame:04}.exr")["lumifold.schedule"] for frame in range(3)]

@@ -13,7 +13,7 @@ from farm import Farm, make_scene, run, wait_until
 from with_postgres import WithPostgres
 
 PAGE = pathlib.Path(__file__).parents[2] / "docs" / "operations.md"
-SETTINGS = ["--size", "160x120", "--seed", "5", "--save-film"]
+SETTINGS = ["--size", "112x84", "--seed", "5", "--save-film"]
 FEW, MANY = "64", "512"
 
 

@@ -73,7 +73,7 @@ class ClusterTest(ClusterCase):
     def test_owners_are_killed_in_turn(self):
         cluster = self.cluster()
         times = []
-        settings = ("--spp", 2048)
+        settings = ("--spp", 1024)
         job = None
         for _ in range(KILLS):
             if job is None or cluster.status(job, at=cluster.living()[-1])["state"] == "done":
@@ -105,7 +105,7 @@ class ClusterTest(ClusterCase):
     def test_a_stopped_owner_that_wakes_is_refused(self):
         cluster = self.cluster()
         first, *others = cluster.coordinators
-        job = cluster.submit(self.scene, "--spp", 2048, at=first)
+        job = cluster.submit(self.scene, "--spp", 1024, at=first)
         wait_until(lambda: cluster.status(job, at=others[0])["units_done"] > 0, "progress")
         first.pause()
         wait_until(lambda: cluster.owner(job, others[0]) in others, "another owner")
@@ -113,7 +113,7 @@ class ClusterTest(ClusterCase):
         first.resume()
         wait_until(lambda: "event=expelled" in first.log_text(), "a coordinator that knows it was expelled")
         wait_until(lambda: first.log_text().count("event=farm_joined") == 2, "a coordinator that starts anew")
-        self.check(cluster, job, others[0], "--spp", 2048)
+        self.check(cluster, job, others[0], "--spp", 1024)
         self.assertEqual(cluster.status(job, at=first)["state"], "done")
 
     def test_the_database_is_restarted(self):

@@ -37,7 +37,7 @@ class SceneTest(unittest.TestCase):
 
 
 class FarmTest(SceneTest):
-    SETTINGS = ["--size", "160x120", "--spp", "96", "--seed", "5", "--save-film"]
+    SETTINGS = ["--size", "112x84", "--spp", "96", "--seed", "5", "--save-film"]
 
     def submit_and_wait_for_units(self, farm):
         """Submits a job and waits until a fifth of its units is committed; nearly all must not be committed yet.

@@ -11,6 +11,7 @@ from farm import PATIENCE_SECONDS, Farm, Process, make_scene, run, wait_until
 
 # One tile in sixteen passes of about half a second each.
 SETTINGS = ["--size", "32x32", "--spp", "8192", "--seed", "3"]
+SHORT = ["--size", "32x32", "--spp", "256", "--seed", "3"]
 # Units that take minutes, but for those of the first pass: geometry and one sample of each of the four tiles. No plan unit.
 NO_END = ["--size", "64x64", "--spp", "1048576", "--plan", "full"]
 FIRST_PASS = 8
@@ -84,7 +85,7 @@ class LeavingTest(unittest.TestCase):
 
     def test_an_idle_worker_leaves_and_says_whether_it_reached_a_coordinator(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
-            job = self.submit(farm, *SETTINGS)
+            job = self.submit(farm, *SHORT)
             worker = farm.start_worker("--exit-when-idle", "1", threads=2)
             farm.client("wait", job)
             self.assertEqual(worker.popen.wait(timeout=PATIENCE_SECONDS), 0, worker.log_text())
@@ -131,9 +132,9 @@ class LeavingTest(unittest.TestCase):
     def test_jobs_with_tags_wait_for_workers_that_have_them(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
             farm.start_worker("--tags", "night", "--name", "ann")
-            job = self.submit(farm, *SETTINGS, "--tag", "gpu", "--tag", "night")
+            job = self.submit(farm, *SHORT, "--tag", "gpu", "--tag", "night")
             self.assertRegex(farm.client("explain", job).stdout, r"(?m)^no_worker: .*gpu")
-            other = self.submit(farm, *SETTINGS, "--tag", "night")
+            other = self.submit(farm, *SHORT, "--tag", "night")
             farm.client("wait", other)
             self.assertEqual(farm.status(job)["units_done"], 0)
             farm.start_worker("--tags", "gpu,night", "--name", "ben")

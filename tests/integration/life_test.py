@@ -14,9 +14,9 @@ import unittest
 from farm import Farm, make_scene, run, wait_until
 
 FEW, MANY = 96, 200  # passes of 64 samples: 64 and 32; 64, 64, 64 and 8
-SETTINGS = ["--size", "96x72", "--seed", "5", "--save-film"]
+SETTINGS = ["--size", "64x48", "--seed", "5", "--save-film"]
 # The kills of a test fall anywhere within this time after the command.
-KILL_WITHIN_SECONDS = 1.0
+KILL_WITHIN_SECONDS = 0.5
 
 
 class LifeTest(unittest.TestCase):

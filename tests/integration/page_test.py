@@ -57,7 +57,7 @@ class PageTest(PageCase):
 
     def test_the_picture_grows_until_it_is_the_result(self):
         self.farm.start_worker()
-        job = self.submit(self.farm, "--size", "640x480", "--spp", 64)
+        job = self.submit(self.farm, "--size", "640x480", "--spp", 4)
         link = self.link(self.farm)
         units, looks = 0, []
         while units < FINISHED_UNITS:

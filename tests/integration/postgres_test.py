@@ -13,7 +13,7 @@ from access_test import SecureFarm
 from farm import Farm, make_scene, run, wait_until
 from with_postgres import WithPostgres
 
-SETTINGS = ["--size", "160x120", "--spp", "64", "--seed", "5", "--save-film"]
+SETTINGS = ["--size", "96x72", "--spp", "64", "--seed", "5", "--save-film"]
 PASSWORD = "secret"
 SECURITY_PAGE = pathlib.Path(__file__).parents[2] / "docs" / "security.md"
 

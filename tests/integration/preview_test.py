@@ -12,6 +12,7 @@ from file_watch import versions_of
 
 SIZE = (640, 480)
 SETTINGS = ("--size", "x".join(map(str, SIZE)), "--spp", 64)
+SMALL = ("--size", "64x48", "--spp", 1)
 
 
 def size_of_png(content):
@@ -45,13 +46,13 @@ class PreviewTest(unittest.TestCase):
             farm.start_worker()
         return farm
 
-    def submit(self, farm, *settings):
-        return farm.client("submit", self.scene, *SETTINGS, *settings).stdout.strip()
+    def submit(self, farm, settings):
+        return farm.client("submit", self.scene, *settings).stdout.strip()
 
     def test_a_file_shows_the_picture_as_it_grows(self):
         farm = self.farm()
         start = time.monotonic()
-        job = self.submit(farm)
+        job = self.submit(farm, SETTINGS)
         path = self.root / "growing.png"
         watch = farm.start_client("watch", job, "--preview", path)
         sizes = []
@@ -69,7 +70,7 @@ class PreviewTest(unittest.TestCase):
 
     def test_a_job_that_has_ended_gets_its_result(self):
         farm = self.farm()
-        job = self.submit(farm, "--spp", 1)
+        job = self.submit(farm, SMALL)
         farm.client("wait", job)
         path = self.root / "ended.exr"
         farm.client("watch", job, "--preview", path)
@@ -79,7 +80,7 @@ class PreviewTest(unittest.TestCase):
 
     def test_what_cannot_be_shown_is_said(self):
         farm = self.farm(workers=1)
-        job = self.submit(farm, "--spp", 1)
+        job = self.submit(farm, SMALL)
         for name, why in ((self.root / "picture.gif", "--preview: expected a name that ends in .exr, .png or .jpg"),
                           (self.root / "none" / "picture.png", "does not exist")):
             answer = farm.client("watch", job, "--preview", name, check=False)

@@ -9,7 +9,7 @@ import unittest
 from farm import BIN, Farm, Process, make_scene, run, wait_until
 
 # Without a plan: the first version had none.
-SETTINGS = ["--size", "160x120", "--spp", "256", "--seed", "5", "--save-film", "--plan", "full"]
+SETTINGS = ["--size", "96x72", "--spp", "256", "--seed", "5", "--save-film", "--plan", "full"]
 # As server/ledger had them in its first version; it is not made by the current code.
 SCHEMA_1 = """
 CREATE TABLE jobs(number INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE, request_id TEXT NOT NULL UNIQUE,

@@ -7,7 +7,7 @@ import tempfile
 from farm import Process, make_scene, run
 from with_postgres import WithPostgres
 
-SETTINGS = ["--size", "160x120", "--seed", "5", "--save-film"]
+SETTINGS = ["--size", "96x72", "--seed", "5", "--save-film"]
 
 
 class Cluster(contextlib.AbstractContextManager):

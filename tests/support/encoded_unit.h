@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <utility>
 
 #include "filter/image/check.h"
@@ -33,6 +34,11 @@ inline std::string BytesOf(const rpc::ReceivedPicture& picture) {
   std::string bytes;
   for (const rpc::PixelPiece& piece : picture.pieces) bytes += piece.bytes;
   return bytes;
+}
+
+/// The values of a unit, in full precision.
+inline std::string UnitBytes(const EdgedImage& unit) {
+  return rpc::BytesFromImage(unit.pixels) + rpc::BytesFromImage(ListOf(unit));
 }
 
 }  // namespace lumifold

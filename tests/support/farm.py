@@ -35,14 +35,21 @@ def make_scene(name, folder):
     return pathlib.Path(folder) / f"{name}.glb"
 
 
+class TooLate(AssertionError):
+    """What wait_until waited for did not come."""
+
+
 def wait_until(condition, what, seconds=PATIENCE_SECONDS):
-    """Polls until the condition returns a true value, and returns it; fails after `seconds`."""
+    """Polls until the condition returns a true value, and returns it; fails after `seconds`.
+
+    Polling takes at most a third of the time: a condition that starts a program would take a processor from the farm.
+    """
     deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
+    while (start := time.monotonic()) < deadline:
         if result := condition():
             return result
-        time.sleep(0.02)
-    raise AssertionError(f"{what}: not within {seconds} s")
+        time.sleep(min(0.5, max(0.02, 2 * (time.monotonic() - start))))
+    raise TooLate(f"{what}: not within {seconds} s")
 
 
 class Process:

@@ -106,10 +106,7 @@ std::string GltfFixture::Text(const std::string& uri) const {
 }
 
 absl::StatusOr<Scene> GltfFixture::Load(const LoadOptions& options) const {
-  const AssetReader no_files = [](const std::string& uri) {
-    return absl::NotFoundError(uri + " does not exist");
-  };
-  return LoadGltf(Glb(), "test.glb", no_files, options);
+  return LoadGltf(Glb(), "test.glb", NoFiles, options);
 }
 
 std::string MakeGlb(std::string json, std::string binary) {

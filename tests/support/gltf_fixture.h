@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "nlohmann/json.hpp"
 #include "worker/scene/gltf_loader.h"
@@ -59,6 +60,11 @@ class GltfFixture {
   int AddAccessor(std::string_view bytes, int component_type, size_t count, const std::string& type,
                   bool normalized);
 };
+
+/// The files of a document that has none: none exists.
+inline absl::StatusOr<std::string> NoFiles(const std::string& uri) {
+  return absl::NotFoundError(uri + " does not exist");
+}
 
 /// A unit right triangle in the xy plane.
 inline const std::vector<float> kTriangle = {0, 0, 0, 1, 0, 0, 0, 1, 0};

@@ -15,7 +15,6 @@ import network
 PATIENCE_SECONDS = 240
 LEASE_SECONDS = 2.0
 HEARTBEAT_SECONDS = 0.2
-POLL_SECONDS = 0.01
 RETRY_SECONDS = 0.2
 NOT_REACHABLE = 3  # exit code of the client
 FILM_SECONDS = 30  # it is deleted when nothing else is to do
@@ -214,14 +213,12 @@ class World(contextlib.AbstractContextManager):
         return self.wait_until(lambda: self.count(pattern) > more_than, f"{more_than} x {pattern} and no more", seconds, required)
 
     def wait_until(self, condition, what, seconds=PATIENCE_SECONDS, required=True):
-        deadline = time.monotonic() + seconds
-        while not (result := condition()):
-            if time.monotonic() > deadline:
-                if required:
-                    raise AssertionError(f"{what}: still after {seconds} s")
-                return result
-            time.sleep(POLL_SECONDS)
-        return result
+        try:
+            return farms.wait_until(condition, what, seconds)
+        except farms.TooLate:
+            if required:
+                raise
+            return False
 
     def committed(self):
         return self.count("event=unit_committed")

@@ -1,5 +1,4 @@
-// The store in PostgreSQL, as several coordinators share it. Runs as one test: all cases share one private
-// server.
+// The store in PostgreSQL, as several coordinators share it.
 #include <gtest/gtest.h>
 
 #include <memory>

@@ -26,9 +26,9 @@ using lumifold::testing::KeyholeRoom;
 using lumifold::testing::Lambert;
 using scene::Scene;
 
-constexpr int kWidth = 64;
-constexpr int kHeight = 48;
-constexpr int kColumns = kWidth / kSampleBlock;
+constexpr int kFilmWidth = 64;
+constexpr int kFilmHeight = 48;
+constexpr int kColumns = kFilmWidth / kSampleBlock;
 constexpr int kUniformSamples = 96;  // of the first three rounds
 
 using Sky = std::shared_ptr<const render::Environment>;
@@ -37,12 +37,12 @@ AdaptiveFilm Render(const Scene& scene, double budget, double target_error = 0, 
                     uint64_t seed = 0) {
   render::RenderSettings settings;
   settings.seed = seed;
-  settings.width = kWidth;
-  settings.height = kHeight;
+  settings.width = kFilmWidth;
+  settings.height = kFilmHeight;
   settings.environment = std::move(sky);
   const auto renderer = render::Renderer::Create(std::make_shared<const Scene>(scene), settings).value();
   return RenderAdaptively(
-      *renderer, {.width = kWidth, .height = kHeight, .budget = budget, .target_error = target_error},
+      *renderer, {.width = kFilmWidth, .height = kFilmHeight, .budget = budget, .target_error = target_error},
       metrics::ErrorMetric::kMse255, nullptr);
 }
 
@@ -51,8 +51,8 @@ std::vector<double> SamplesByBlock(const AdaptiveFilm& film) {
   const ConstFloatView a = film.film.pixels.Get(layers::kSamplesA);
   const ConstFloatView b = film.film.pixels.Get(layers::kSamplesB);
   std::vector<double> samples;
-  for (int y = 0; y < kHeight; y += kSampleBlock) {
-    for (int x = 0; x < kWidth; x += kSampleBlock)
+  for (int y = 0; y < kFilmHeight; y += kSampleBlock) {
+    for (int x = 0; x < kFilmWidth; x += kSampleBlock)
       samples.push_back(static_cast<double>(a.At(x, y) + b.At(x, y)));
   }
   return samples;
@@ -77,8 +77,8 @@ double LeastOf(const std::vector<double>& samples) {
 void ExpectFinite(const AdaptiveFilm& film) {
   int bad = 0;
   for (const Plane& plane : film.picture) {
-    for (int y = 0; y < kHeight; ++y)
-      bad += static_cast<int>(std::count_if(plane.Row(y), plane.Row(y) + kWidth,
+    for (int y = 0; y < kFilmHeight; ++y)
+      bad += static_cast<int>(std::count_if(plane.Row(y), plane.Row(y) + kFilmWidth,
                                             [](float value) { return !std::isfinite(value); }));
   }
   EXPECT_EQ(bad, 0);
@@ -88,8 +88,8 @@ void ExpectFinite(const AdaptiveFilm& film) {
 float MostOf(const Picture& picture) {
   float most = 0;
   for (const Plane& plane : picture) {
-    for (int y = 0; y < kHeight; ++y)
-      most = std::max(most, *std::max_element(plane.Row(y), plane.Row(y) + kWidth));
+    for (int y = 0; y < kFilmHeight; ++y)
+      most = std::max(most, *std::max_element(plane.Row(y), plane.Row(y) + kFilmWidth));
   }
   return most;
 }
@@ -98,8 +98,8 @@ float MostOf(const Picture& picture) {
 float MostDifference(const Picture& a, const Picture& b) {
   float most = 0;
   for (size_t c = 0; c < a.size(); ++c) {
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x) {
+    for (int y = 0; y < kFilmHeight; ++y) {
+      for (int x = 0; x < kFilmWidth; ++x) {
         const float value = a[c].At(x, y);
         most = std::max(most, std::abs(value - b[c].At(x, y)) / std::max(1.0f, value));
       }

@@ -14,13 +14,13 @@ namespace {
 
 using ::testing::HasSubstr;
 
-class FlickerChart : public testing::Test {
+class FlickerChart : public ::testing::Test {
  protected:
   FlickerChart() { std::filesystem::create_directories(folder_); }
   ~FlickerChart() override { std::filesystem::remove_all(folder_); }
 
   const std::string folder_ =
-      testing::TempDir() + "/" + testing::UnitTest::GetInstance()->current_test_info()->name();
+      ::testing::TempDir() + "/" + ::testing::UnitTest::GetInstance()->current_test_info()->name();
 };
 
 TEST_F(FlickerChart, MeasuresEveryStepBetweenFrames) {

@@ -15,19 +15,19 @@
 namespace lumifold::charts {
 namespace {
 
-constexpr int kWidth = 16;
-constexpr int kHeight = 12;
+constexpr int kMeasuredWidth = 16;
+constexpr int kMeasuredHeight = 12;
 
 /// A film of one grey value, with halves that differ by `spread`.
 EdgedImage GreyFilm(float value, float spread) {
   EdgedImage film;
-  film.pixels = LayeredImage(kWidth, kHeight);
+  film.pixels = LayeredImage(kMeasuredWidth, kMeasuredHeight);
   const std::string noisy(layers::kNoisy);
   for (const auto& [layer, level] :
        {std::pair(noisy, value), std::pair(layers::HalfA(noisy), value + spread / 2),
         std::pair(layers::HalfB(noisy), value - spread / 2)}) {
     for (const FloatView& channel : film.pixels.AddColor(layer)) {
-      for (int y = 0; y < kHeight; ++y) std::fill_n(channel.Row(y), kWidth, level);
+      for (int y = 0; y < kMeasuredHeight; ++y) std::fill_n(channel.Row(y), kMeasuredWidth, level);
     }
   }
   return film;
@@ -51,7 +51,7 @@ Method Painter(int* calls) {
   return method;
 }
 
-class MeterTest : public testing::Test {
+class MeterTest : public ::testing::Test {
  protected:
   MeterTest() { std::filesystem::create_directories(folder_); }
   ~MeterTest() override { std::filesystem::remove_all(folder_); }
@@ -62,7 +62,7 @@ class MeterTest : public testing::Test {
     Subject subject;
     subject.scene = "cornell-box";
     subject.source = &*source;
-    subject.settings = {kWidth, kHeight, 4, 1};
+    subject.settings = {kMeasuredWidth, kMeasuredHeight, 4, 1};
     subject.rendered.film = GreyFilm(0.5f, 0);
     const Reference reference = *MakeReference("truth", GreyFilm(0.25f, 0));
     Meter meter({{&method}, {}, most_grid_seconds, most_run_seconds}, &store, folder_, nullptr);
@@ -76,7 +76,7 @@ class MeterTest : public testing::Test {
   }
 
   const std::string folder_ =
-      testing::TempDir() + "/" + testing::UnitTest::GetInstance()->current_test_info()->name();
+      ::testing::TempDir() + "/" + ::testing::UnitTest::GetInstance()->current_test_info()->name();
   std::vector<Row> rows_;
 };
 
@@ -108,7 +108,8 @@ TEST_F(MeterTest, MeasuresAgainWhatChangedAtTheSizeCharted) {
   const auto as_before = painter.make;
   painter.make = [&](Subject* subject, absl::Span<const float> values, TaskPool* pool) {
     absl::StatusOr<MadePicture> made = as_before(subject, values, pool);
-    if (subject->rendered.film.pixels.width() == kWidth) made->picture[0].At(kWidth - 1, 0) += 0.125f;
+    if (subject->rendered.film.pixels.width() == kMeasuredWidth)
+      made->picture[0].At(kMeasuredWidth - 1, 0) += 0.125f;
     return made;
   };
   calls = 0;
@@ -154,7 +155,7 @@ TEST(Reference, KnowsItsOwnNoise) {
   EXPECT_GT(reference.noise, 0);
   // A picture that equals the mean lies between the halves, so its error is negative.
   const Plane same = [&] {
-    Plane plane(kWidth, kHeight);
+    Plane plane(kMeasuredWidth, kMeasuredHeight);
     plane.Fill(0.25f);
     return plane;
   }();
@@ -214,7 +215,7 @@ TEST(Methods, ThatWorkOnThePlainPictureAreKnown) {
   for (const Method& method : AllMethods()) {
     if (!method.info.uses_auxiliary && !method.renders) plain.push_back(method.info.name);
   }
-  EXPECT_THAT(plain, testing::ElementsAre("none", "manifolds-color", "bilateral", "epanechnikov"));
+  EXPECT_THAT(plain, ::testing::ElementsAre("none", "manifolds-color", "bilateral", "epanechnikov"));
 }
 
 TEST(Fingerprint, IsOfThePictureItself) {

@@ -59,7 +59,7 @@ TEST(ByScene, DividesRowsWhereTheSceneChanges) {
   EXPECT_TRUE(ByScene(std::vector<PlanPair>()).empty());
 }
 
-class PlanChart : public testing::Test {
+class PlanChart : public ::testing::Test {
  protected:
   PlanChart() { std::filesystem::create_directories(folder_); }
   ~PlanChart() override { std::filesystem::remove_all(folder_); }
@@ -79,7 +79,7 @@ class PlanChart : public testing::Test {
 
   static constexpr FilmSettings kSettings = {40, 24, 6, 0};
   const std::string folder_ =
-      testing::TempDir() + "/" + testing::UnitTest::GetInstance()->current_test_info()->name();
+      ::testing::TempDir() + "/" + ::testing::UnitTest::GetInstance()->current_test_info()->name();
 };
 
 TEST_F(PlanChart, PlannedJobsOfADiffuseSceneCarryLessAndPayForTheirProbe) {

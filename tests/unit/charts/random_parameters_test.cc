@@ -12,26 +12,26 @@ namespace {
 
 using scene::Vec3;
 
-constexpr int kWidth = 24;
-constexpr int kHeight = 16;
-constexpr uint32_t kSamples = 8;
+constexpr int kDrawnWidth = 24;
+constexpr int kDrawnHeight = 16;
+constexpr uint32_t kDrawnSamples = 8;
 
 /// A wall whose right half is 50 m behind the left; `radiance` gives that of each sample.
 template <typename Radiance>
 SampleSet Wall(Radiance radiance) {
   SampleSet set;
-  set.width = kWidth;
-  set.height = kHeight;
-  set.samples_per_pixel = kSamples;
+  set.width = kDrawnWidth;
+  set.height = kDrawnHeight;
+  set.samples_per_pixel = kDrawnSamples;
   std::mt19937 random(4);
   std::uniform_real_distribution<float> uniform(0.0f, 1.0f);
-  for (int i = 0; i < kWidth * kHeight; ++i) {
-    for (uint32_t k = 0; k < kSamples; ++k) {
+  for (int i = 0; i < kDrawnWidth * kDrawnHeight; ++i) {
+    for (uint32_t k = 0; k < kDrawnSamples; ++k) {
       ChartSample s;
-      const int x = i % kWidth;
-      const int y = i / kWidth;
+      const int x = i % kDrawnWidth;
+      const int y = i / kDrawnWidth;
       s.point = {static_cast<float>(x) + uniform(random), static_cast<float>(y) + uniform(random)};
-      s.distance = x < kWidth / 2 ? 2.0f : 52.0f;
+      s.distance = x < kDrawnWidth / 2 ? 2.0f : 52.0f;
       s.position = {0.01f * s.point.x, 0.01f * s.point.y, s.distance};
       s.normal = {0, 0, 1};
       s.albedo = {0.5f, 0.5f, 0.5f};
@@ -52,7 +52,7 @@ std::vector<Vec3> RadiancesOf(const SampleSet& set) {
 TEST(Neighbourhood, HoldsThePixelsOwnSamplesAndNoneFromBehindAnEdge) {
   const SampleSet set = Wall([](const ChartSample& s) { return Vec3{s.distance, 0, 0}; });
   Neighbourhood samples;
-  samples.Draw(set, RadiancesOf(set), kWidth / 2 - 1, 8, 0, 17, 600);
+  samples.Draw(set, RadiancesOf(set), kDrawnWidth / 2 - 1, 8, 0, 17, 600);
   EXPECT_GT(samples.size(), 150u);
   for (size_t i = 0; i < samples.size(); ++i) EXPECT_EQ(samples.colors()[i].x, 2) << i;
 }
@@ -77,10 +77,10 @@ TEST(Neighbourhood, IsStandardised) {
 template <typename Truth>
 double ErrorOf(const Picture& picture, Truth truth) {
   double sum = 0;
-  ForEachPixel(kWidth, kHeight, [&](int x, int y) {
+  ForEachPixel(kDrawnWidth, kDrawnHeight, [&](int x, int y) {
     sum += std::pow(static_cast<double>(picture[0].At(x, y)) - truth(x, y), 2);
   });
-  return sum / (kWidth * kHeight);
+  return sum / (kDrawnWidth * kDrawnHeight);
 }
 
 Picture Filtered(const SampleSet& set) {
@@ -92,7 +92,7 @@ TEST(RandomParameters, SmoothsWhatDependsOnChanceAndKeepsWhatDependsOnPlace) {
     const float value = s.random[1].x < 0.5f ? 0.0f : 2.0f;
     return Vec3{value, value, value};
   });
-  EXPECT_LT(ErrorOf(Filtered(chance), [](int, int) { return 1.0; }), 0.25 / kSamples);
+  EXPECT_LT(ErrorOf(Filtered(chance), [](int, int) { return 1.0; }), 0.25 / kDrawnSamples);
   const auto stripe = [](int x) { return x / 2 % 2 == 0 ? 0.5 : 1.5; };
   const SampleSet place = Wall([&](const ChartSample& s) {
     const float value = static_cast<float>(stripe(static_cast<int>(s.point.x)));

@@ -52,12 +52,12 @@ Row& RowOf(std::vector<Row>* rows, const std::string& method, int samples) {
                        [&](const Row& row) { return row.method == method && row.samples == samples; });
 }
 
-class RowStoreTest : public testing::Test {
+class RowStoreTest : public ::testing::Test {
  protected:
   ~RowStoreTest() override { std::filesystem::remove(path_); }
 
   const std::string path_ =
-      testing::TempDir() + "/" + testing::UnitTest::GetInstance()->current_test_info()->name() + ".txt";
+      ::testing::TempDir() + "/" + ::testing::UnitTest::GetInstance()->current_test_info()->name() + ".txt";
 };
 
 TEST(Row, SurvivesItsText) {
@@ -184,7 +184,7 @@ TEST(TuningSet, IsOfScenesAtSizes) {
 }
 
 TEST(WriteCsv, LeavesScoresWithoutAValueBlank) {
-  const std::string path = testing::TempDir() + "/scores.csv";
+  const std::string path = ::testing::TempDir() + "/scores.csv";
   std::vector<Row> rows = {MakeRow("none", 4, 2, 0), MakeRow("default", 4, 1, 0)};
   rows[1].errors.ssim = 0.5;
   rows[1].errors.flip = 0.25;

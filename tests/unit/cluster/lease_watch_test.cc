@@ -13,7 +13,7 @@ using ledger::Member;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-constexpr absl::Duration kLease = absl::Seconds(3);
+constexpr absl::Duration kWatchedLease = absl::Seconds(3);
 constexpr absl::Duration kRead = absl::Milliseconds(500);
 
 class LeaseWatchTest : public ::testing::Test {
@@ -30,7 +30,7 @@ class LeaseWatchTest : public ::testing::Test {
     return epochs;
   }
 
-  LeaseWatch watch_{kLease};
+  LeaseWatch watch_{kWatchedLease};
   absl::Time now_ = absl::UnixEpoch();
   static Member Of(int64_t epoch) {
     Member member;

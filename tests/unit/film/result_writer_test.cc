@@ -27,7 +27,7 @@ v1::JobSpec Spec(bool save_film) {
 }
 
 /// Rows [y0, y1) of an arbitrary picture.
-std::array<Plane, 3> Picture(int y0, int y1) {
+std::array<Plane, 3> PictureToWrite(int y0, int y1) {
   std::array<Plane, 3> picture;
   for (size_t c = 0; c < picture.size(); ++c) {
     picture[c] = Plane(kWidth, y1 - y0);
@@ -47,7 +47,7 @@ EdgedImage WrittenInRows(const v1::JobSpec& spec, const UnitSource& units, const
       *ResultWriter::Create(folder.PathOf("rows.exr"), film, {.spec = spec, .frame = 0, .numeric_class = ""});
   int y = 0;
   for (const int end : ends) {
-    EXPECT_TRUE(writer.Append(*film.Read({0, y, kWidth, end}), Picture(y, end)).ok());
+    EXPECT_TRUE(writer.Append(*film.Read({0, y, kWidth, end}), PictureToWrite(y, end)).ok());
     y = end;
   }
   EXPECT_TRUE(writer.Finish().ok());
@@ -58,7 +58,7 @@ TEST(ResultWriter, RowsMakeTheFileThatTheWholeMakes) {
   for (const bool save_film : {false, true}) {
     const v1::JobSpec spec = Spec(save_film);
     const UnitsOfFunction units = RandomUnitsOf(spec, 1);
-    const EdgedImage expected = BuildResult(*WholeFilm(spec, 0, units), Picture(0, kHeight),
+    const EdgedImage expected = BuildResult(*WholeFilm(spec, 0, units), PictureToWrite(0, kHeight),
                                             {.spec = spec, .frame = 0, .numeric_class = ""});
     for (const std::vector<int>& ends : {std::vector<int>{kHeight}, {8, 16, kHeight}, {1, 9, 11, kHeight}}) {
       const EdgedImage written = WrittenInRows(spec, units, ends);

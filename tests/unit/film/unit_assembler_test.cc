@@ -22,12 +22,14 @@ namespace {
 
 using ::testing::HasSubstr;
 
-constexpr Rect kRect = {8, 0, 16, 4};
-constexpr SampleRange kSamples = {0, 4};
+constexpr Rect kSentRect = {8, 0, 16, 4};
+constexpr SampleRange kSentSamples = {0, 4};
 
-EdgedImage Unit(v1::UnitKind kind) { return RandomUnit({0, 1, 0, kind}, kRect, kSamples, 1); }
+EdgedImage Unit(v1::UnitKind kind) { return RandomUnit({0, 1, 0, kind}, kSentRect, kSentSamples, 1); }
 
-EdgedImage PassWithFragments() { return RandomUnit({0, 2, 0, v1::UNIT_KIND_PASS}, kRect, kSamples, 1); }
+EdgedImage PassWithFragments() {
+  return RandomUnit({0, 2, 0, v1::UNIT_KIND_PASS}, kSentRect, kSentSamples, 1);
+}
 
 void FillPlane(const FloatView& plane, float value) {
   for (int y = 0; y < plane.height(); ++y) std::fill_n(plane.Row(y), plane.width(), value);
@@ -46,10 +48,6 @@ std::vector<v1::UnitChunk> PiecesOf(const EdgedImage& unit) {
   return pieces;
 }
 
-std::string Bytes(const EdgedImage& unit) {
-  return rpc::BytesFromImage(unit.pixels) + rpc::BytesFromImage(ListOf(unit));
-}
-
 /// The values of a picture that was received.
 std::string Decoded(const rpc::ReceivedPicture& picture) {
   if (picture.pieces.empty()) return "";
@@ -60,7 +58,7 @@ TEST(UnitAssembler, GivesBackWhatWasSent) {
   for (const auto& [kind, unit] : {std::pair(v1::UNIT_KIND_PASS, Unit(v1::UNIT_KIND_PASS)),
                                    {v1::UNIT_KIND_PASS, PassWithFragments()},
                                    {v1::UNIT_KIND_GEOMETRY, Unit(v1::UNIT_KIND_GEOMETRY)}}) {
-    UnitAssembler assembler(kind, kRect, kSamples);
+    UnitAssembler assembler(kind, kSentRect, kSentSamples);
     for (const v1::UnitChunk& piece : PiecesOf(unit)) {
       EXPECT_FALSE(assembler.IsComplete());
       ASSERT_TRUE(assembler.Add(piece).ok());
@@ -70,7 +68,7 @@ TEST(UnitAssembler, GivesBackWhatWasSent) {
     EXPECT_FALSE(assembler.IsComplete());
     EXPECT_EQ(delivered.pixels.layout.SerializeAsString(),
               rpc::EncodePicture(unit.pixels).layout.SerializeAsString());
-    EXPECT_EQ(Decoded(delivered.pixels) + Decoded(delivered.edges), Bytes(unit));
+    EXPECT_EQ(Decoded(delivered.pixels) + Decoded(delivered.edges), UnitBytes(unit));
   }
 }
 
@@ -103,7 +101,7 @@ TEST(UnitAssembler, TakesAnyEncodingOfAnyPlane) {
     v1::UnitChunk chunk;
     rpc::PixelChunker(EncodedAs(encoding, unit.pixels)).Next(chunk.mutable_pixels());
     ASSERT_THAT(chunk.pixels().layout().encodings(), ::testing::Contains(encoding));
-    UnitAssembler assembler(v1::UNIT_KIND_PASS, kRect, kSamples);
+    UnitAssembler assembler(v1::UNIT_KIND_PASS, kSentRect, kSentSamples);
     ASSERT_TRUE(assembler.Add(chunk).ok());
     const DeliveredPixels delivered = assembler.Take();
     EXPECT_EQ(Decoded(delivered.pixels), rpc::BytesFromImage(unit.pixels));
@@ -115,7 +113,7 @@ TEST(UnitAssembler, TheChecksumIsThatOfAllValues) {
   for (const bool of_pass : {false, true}) {
     const v1::UnitKind kind = of_pass ? v1::UNIT_KIND_PASS : v1::UNIT_KIND_GEOMETRY;
     const EdgedImage unit = of_pass ? PassWithFragments() : Unit(kind);
-    UnitAssembler assembler(kind, kRect, of_pass ? kSamples : SampleRange{});
+    UnitAssembler assembler(kind, kSentRect, of_pass ? kSentSamples : SampleRange{});
     for (const v1::UnitChunk& piece : PiecesOf(unit)) ASSERT_TRUE(assembler.Add(piece).ok());
     EXPECT_EQ(assembler.Take().values_checksum,
               rpc::Checksum(rpc::BytesFromImage(ListOf(unit)) + rpc::BytesFromImage(unit.pixels)));
@@ -137,7 +135,7 @@ TEST(UnitAssembler, RefusesAPlaneThatCannotBeDecompressed) {
     ++picture.bytes[rpc::PlanesOf(picture.layout)[static_cast<size_t>(at)].first_byte];
     v1::UnitChunk chunk;
     rpc::PixelChunker(std::move(picture)).Next(of_edges ? chunk.mutable_edges() : chunk.mutable_pixels());
-    UnitAssembler assembler(kind, kRect, kSamples);
+    UnitAssembler assembler(kind, kSentRect, kSentSamples);
     EXPECT_EQ(assembler.Add(chunk).message(), absl::StrCat(of_edges ? "edge set: " : "unit: ", channel,
                                                            " cannot be decompressed: not one zstd frame"));
   }
@@ -150,25 +148,25 @@ TEST(UnitAssembler, ChecksThePlanesOfEachEncoding) {
       const FloatView plane = unit.pixels.Get(channel);
       FillPlane(plane, constant ? INFINITY : 1.0f);
       plane.At(0, 0) = INFINITY;
-      UnitAssembler assembler(v1::UNIT_KIND_PASS, kRect, kSamples);
+      UnitAssembler assembler(v1::UNIT_KIND_PASS, kSentRect, kSentSamples);
       EXPECT_THAT(std::string(assembler.Add(PiecesOf(unit)[0]).message()),
                   HasSubstr(absl::StrCat(channel, " is inf at 8,0")));
     }
   }
   EdgedImage unit = Unit(v1::UNIT_KIND_PASS);
   FillPlane(unit.pixels.Get("samples_a.Y"), 1.0f);  // of two samples each
-  UnitAssembler too_few(v1::UNIT_KIND_PASS, kRect, kSamples);
+  UnitAssembler too_few(v1::UNIT_KIND_PASS, kSentRect, kSentSamples);
   EXPECT_THAT(std::string(too_few.Add(PiecesOf(unit)[0]).message()), HasSubstr("has 96 samples"));
   FillPlane(unit.pixels.Get("samples_a.Y"), 2.0f);
   unit.pixels.Get("samples_a.Y").At(0, 0) = 1.0f;  // as halves
-  UnitAssembler one_less(v1::UNIT_KIND_PASS, kRect, kSamples);
+  UnitAssembler one_less(v1::UNIT_KIND_PASS, kSentRect, kSentSamples);
   EXPECT_THAT(std::string(one_less.Add(PiecesOf(unit)[0]).message()), HasSubstr("has 127 samples"));
 }
 
 TEST(UnitAssembler, KeepsTheBytesOfAPieceThatIsMovedIn) {
   std::vector<v1::UnitChunk> pieces = PiecesOf(Unit(v1::UNIT_KIND_PASS));
   const char* const bytes = pieces[0].pixels().data().data();
-  UnitAssembler assembler(v1::UNIT_KIND_PASS, kRect, kSamples);
+  UnitAssembler assembler(v1::UNIT_KIND_PASS, kSentRect, kSentSamples);
   ASSERT_TRUE(assembler.Add(std::move(pieces[0])).ok());
   EXPECT_EQ(assembler.Take().pixels.pieces[0].bytes.data(), bytes);
 }
@@ -177,13 +175,13 @@ TEST(UnitAssembler, KeepsTheBytesOfAPieceThatIsMovedIn) {
 TEST(UnitAssembler, ChecksRowsThatAreCutByTheEndOfAPiece) {
   constexpr Rect kLarge = {0, 0, 257, 129};
   const int cut = static_cast<int>(rpc::kMaxChunkBytes / sizeof(float));
-  const EdgedImage good = RandomUnit({0, 1, 0, v1::UNIT_KIND_PASS}, kLarge, kSamples, 1);
+  const EdgedImage good = RandomUnit({0, 1, 0, v1::UNIT_KIND_PASS}, kLarge, kSentSamples, 1);
   for (const int at : {cut - 1, cut, static_cast<int>(good.pixels.channels().size()) * 257 * 129 - 1}) {
     EdgedImage unit = {good.pixels.Crop(good.pixels.bounds()), {}};
     LayeredImage::Channel& channel = unit.pixels.channels()[static_cast<size_t>(at / (257 * 129))];
     channel.plane.At(at % 257, at / 257 % 129) = NAN;
     for (const v1::PlaneEncoding encoding : {v1::PLANE_ENCODING_FLOAT, v1::PLANE_ENCODING_ZSTD}) {
-      UnitAssembler assembler(v1::UNIT_KIND_PASS, kLarge, kSamples);
+      UnitAssembler assembler(v1::UNIT_KIND_PASS, kLarge, kSentSamples);
       rpc::PixelChunker chunker(EncodedAs(encoding, unit.pixels));
       absl::Status status;
       for (v1::UnitChunk piece; chunker.Next(piece.mutable_pixels());) status = assembler.Add(piece);
@@ -196,16 +194,16 @@ TEST(UnitAssembler, ChecksRowsThatAreCutByTheEndOfAPiece) {
 TEST(UnitAssembler, RefusesEdgesThatAreOutOfPlace) {
   const std::vector<v1::UnitChunk> pieces = PiecesOf(Unit(v1::UNIT_KIND_GEOMETRY));
   ASSERT_EQ(pieces.size(), 2u);
-  UnitAssembler of_a_pass(v1::UNIT_KIND_PASS, kRect, kSamples);
+  UnitAssembler of_a_pass(v1::UNIT_KIND_PASS, kSentRect, kSentSamples);
   EXPECT_THAT(std::string(of_a_pass.Add(pieces[0]).message()), HasSubstr("size 16x2 is not within"));
-  UnitAssembler twice(v1::UNIT_KIND_GEOMETRY, kRect, SampleRange{});
+  UnitAssembler twice(v1::UNIT_KIND_GEOMETRY, kSentRect, SampleRange{});
   ASSERT_TRUE(twice.Add(pieces[0]).ok());
   EXPECT_THAT(std::string(twice.Add(pieces[0]).message()), HasSubstr("after the list"));
-  UnitAssembler after_pixels(v1::UNIT_KIND_GEOMETRY, kRect, SampleRange{});
+  UnitAssembler after_pixels(v1::UNIT_KIND_GEOMETRY, kSentRect, SampleRange{});
   ASSERT_TRUE(after_pixels.Add(pieces[1]).ok());
   EXPECT_THAT(std::string(after_pixels.Add(pieces[0]).message()), HasSubstr("or the pixels"));
   EXPECT_THAT(std::string(after_pixels.Add(pieces[1]).message()), HasSubstr("after the last piece"));
-  UnitAssembler both_at_once(v1::UNIT_KIND_GEOMETRY, kRect, SampleRange{});
+  UnitAssembler both_at_once(v1::UNIT_KIND_GEOMETRY, kSentRect, SampleRange{});
   v1::UnitChunk both = pieces[0];
   *both.mutable_pixels() = pieces[1].pixels();
   EXPECT_FALSE(both_at_once.Add(both).ok());
@@ -215,21 +213,21 @@ TEST(UnitAssembler, RefusesMoreSamplesOnSurfacesThanInThePixel) {
   EdgedImage unit = PassWithFragments();
   const FloatView counts = unit.fragments.Get(layers::kSamplesA);
   counts.At(0, 0) += 1;
-  UnitAssembler assembler(v1::UNIT_KIND_PASS, kRect, kSamples);
+  UnitAssembler assembler(v1::UNIT_KIND_PASS, kSentRect, kSentSamples);
   const std::vector<v1::UnitChunk> pieces = PiecesOf(unit);
   ASSERT_TRUE(assembler.Add(pieces[0]).ok());
   EXPECT_EQ(assembler.Add(pieces[1]).message(),
             "fragments: those at 15,0 have 3 samples_a.Y, but the pixel has 2");
   counts.At(0, 0) -= 2;  // fewer: other samples may have left the scene
-  UnitAssembler fewer(v1::UNIT_KIND_PASS, kRect, kSamples);
+  UnitAssembler fewer(v1::UNIT_KIND_PASS, kSentRect, kSentSamples);
   for (const v1::UnitChunk& piece : PiecesOf(unit)) EXPECT_TRUE(fewer.Add(piece).ok());
 }
 
 TEST(UnitAssembler, RefusesFragmentsThatThePlanLeavesOut) {
-  UnitAssembler assembler(v1::UNIT_KIND_PASS, kRect, kSamples, {.carried = {.indirect = false}});
+  UnitAssembler assembler(v1::UNIT_KIND_PASS, kSentRect, kSentSamples, {.carried = {.indirect = false}});
   EXPECT_THAT(std::string(assembler.Add(PiecesOf(PassWithFragments())[0]).message()),
               HasSubstr("fragments: 1 columns of 37 channels, expected 1 of 31"));
-  UnitAssembler none(v1::UNIT_KIND_PASS, kRect, kSamples,
+  UnitAssembler none(v1::UNIT_KIND_PASS, kSentRect, kSentSamples,
                      {.carried = {.direct = false, .indirect = false, .glossy = false}});
   EXPECT_EQ(none.Add(PiecesOf(PassWithFragments())[0]).message(),
             "fragments: the plan of the job has no light of surfaces");
@@ -238,7 +236,7 @@ TEST(UnitAssembler, RefusesFragmentsThatThePlanLeavesOut) {
 TEST(UnitAssembler, RefusesValuesThatAreNotValid) {
   EdgedImage unit = Unit(v1::UNIT_KIND_PASS);
   unit.pixels.Get(layers::kSamplesB).At(3, 2) = -2;
-  UnitAssembler assembler(v1::UNIT_KIND_PASS, kRect, kSamples);
+  UnitAssembler assembler(v1::UNIT_KIND_PASS, kSentRect, kSentSamples);
   EXPECT_THAT(std::string(assembler.Add(PiecesOf(unit)[0]).message()),
               HasSubstr("samples_b.Y is -2 at 11,2"));
 }

@@ -32,7 +32,7 @@ v1::JobSpec Spec(int samples) {
   return spec;
 }
 
-std::string Bytes(const absl::StatusOr<EdgedImage>& film) {
+std::string FilmBytes(const absl::StatusOr<EdgedImage>& film) {
   return rpc::BytesFromImage(film->pixels) + rpc::BytesFromImage(film->edges) +
          rpc::BytesFromImage(film->fragments);
 }
@@ -211,12 +211,12 @@ TEST_F(UnitFilmTest, GeometryIsTakenAsItIs) {
 }
 
 TEST_F(UnitFilmTest, IsTheSameForAnyOrderOfTiles) {
-  const std::string expected = Bytes(Assemble(nullptr));
+  const std::string expected = FilmBytes(Assemble(nullptr));
   for (uint32_t seed = 0; seed < 5; ++seed) {
     ShufflingPool pool(seed);
-    EXPECT_EQ(Bytes(Assemble(&pool)), expected);
+    EXPECT_EQ(FilmBytes(Assemble(&pool)), expected);
   }
-  EXPECT_EQ(Bytes(Assemble(MakeTaskPool(4).get())), expected);
+  EXPECT_EQ(FilmBytes(Assemble(MakeTaskPool(4).get())), expected);
 }
 
 TEST_F(UnitFilmTest, AnEmptyHalfIsZeroAndNotNan) {
@@ -286,7 +286,7 @@ TEST_F(UnitFilmTest, APartIsWhatTheWholeHasThere) {
     const absl::StatusOr<EdgedImage> there = expected.Read(rect);
     EXPECT_EQ(rpc::LayoutOf(part->pixels).SerializeAsString(),
               rpc::LayoutOf(there->pixels).SerializeAsString());
-    EXPECT_EQ(Bytes(part), Bytes(there));
+    EXPECT_EQ(FilmBytes(part), FilmBytes(there));
   }
 }
 
@@ -352,8 +352,8 @@ TEST_F(UnitFilmTest, IsTheSameForAnyTiles) {
     ASSERT_TRUE(film.ok()) << film.status();
     EXPECT_EQ(film->edges.height(), 2);
     EXPECT_GE(film->fragments.height(), 4);
-    if (expected.empty()) expected = Bytes(film);
-    EXPECT_EQ(Bytes(film), expected) << tile_size;
+    if (expected.empty()) expected = FilmBytes(film);
+    EXPECT_EQ(FilmBytes(film), expected) << tile_size;
   }
 }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <string>
 
+#include "tests/support/encoded_unit.h"
 #include "tests/support/random_unit.h"
 
 namespace lumifold::film {
@@ -74,14 +75,6 @@ LayeredImage LongList() {
     list.Get(layers::kSamplesA).At(0, row) = 1;
   }
   return list;
-}
-
-rpc::ReceivedPicture Received(const LayeredImage& list) {
-  rpc::PixelChunker chunker(list);
-  rpc::PixelAssembler assembler;
-  v1::PixelChunk chunk;
-  while (chunker.Next(&chunk)) EXPECT_TRUE(assembler.Add(chunk).ok());
-  return assembler.Take();
 }
 
 TEST(UnitLayout, LongListsAreCheckedAlikeHoweverTheyAreEncoded) {

@@ -20,18 +20,15 @@ namespace {
 
 using ::testing::HasSubstr;
 
-constexpr Rect kRect = {0, 0, 5, 3};
+constexpr Rect kLoggedRect = {0, 0, 5, 3};
 
 StoredUnit Unit(int32_t tile) {
   const job::UnitKey key{1, tile, 0, tile == 2 ? v1::UNIT_KIND_GEOMETRY : v1::UNIT_KIND_PASS};
-  StoredUnit unit{{job::JobId("j-1"), key}, job::Attempt(7 + tile), {}, RandomUnit(key, kRect, {0, 4}, 1)};
+  StoredUnit unit{
+      {job::JobId("j-1"), key}, job::Attempt(7 + tile), {}, RandomUnit(key, kLoggedRect, {0, 4}, 1)};
   unit.stats.set_samples(60);
   unit.stats.add_warnings("no light");
   return unit;
-}
-
-std::string Bytes(const EdgedImage& image) {
-  return rpc::BytesFromImage(image.pixels) + rpc::BytesFromImage(ListOf(image));
 }
 
 /// The record of a unit as the format describes it, encoded from its planes.
@@ -109,8 +106,8 @@ TEST_F(UnitLogTest, GivesBackWhatWasWritten) {
     EXPECT_EQ(unit->unit, Unit(tile).unit);
     EXPECT_EQ(unit->attempt, Unit(tile).attempt);
     EXPECT_EQ(unit->stats.warnings(0), "no light");
-    EXPECT_EQ(Bytes(unit->image), Bytes(Unit(tile).image));
-    EXPECT_TRUE(CheckUnitLayout(unit->unit.key.kind, kRect, rpc::LayoutOf(unit->image.pixels)).ok());
+    EXPECT_EQ(UnitBytes(unit->image), UnitBytes(Unit(tile).image));
+    EXPECT_TRUE(CheckUnitLayout(unit->unit.key.kind, kLoggedRect, rpc::LayoutOf(unit->image.pixels)).ok());
     EXPECT_EQ(unit->image.edges.height(), tile == 2 ? 2 : 0);
     EXPECT_EQ(unit->image.fragments.height(), tile == 0 ? 4 : 0);
   }
@@ -141,7 +138,7 @@ TEST_F(UnitLogTest, PiecesOfALargeUnitAreOnePayload) {
     EXPECT_EQ(File(), RecordOf(unit));
     const absl::StatusOr<StoredUnit> read = Read(*place);
     ASSERT_TRUE(read.ok()) << read.status();
-    EXPECT_EQ(Bytes(read->image), Bytes(unit.image));
+    EXPECT_EQ(UnitBytes(read->image), UnitBytes(unit.image));
   }
 }
 

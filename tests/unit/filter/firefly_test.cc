@@ -14,7 +14,7 @@ namespace lumifold::filter {
 namespace {
 
 constexpr int kNoiseRadius = 12;
-constexpr float kReach = 16;
+constexpr float kFireflyReach = 16;
 
 Halves FlatHalves(int width, int height, float value) {
   Halves halves;
@@ -127,14 +127,15 @@ TEST(Fireflies, AreNotLookedForWithinWhatNoiseAloneExceeds) {
 
 // What both halves lose of a picture of light 1, and what ReturnRemoved() gives back.
 
-constexpr int kWidth = 128;
-constexpr int kHeight = 96;
+constexpr int kFireflyWidth = 128;
+constexpr int kFireflyHeight = 96;
 constexpr float kKnee = 0.2f;
 
 struct Removed {
-  Planes light = MakePlanes(3, kWidth, kHeight);
-  Planes energy = MakePlanes(3, kWidth, kHeight);
-  Planes geometry = MakePlanes(1, kWidth, kHeight);  // one plane of the same normal and distance
+  Planes light = MakePlanes(3, kFireflyWidth, kFireflyHeight);
+  Planes energy = MakePlanes(3, kFireflyWidth, kFireflyHeight);
+  Planes geometry =
+      MakePlanes(1, kFireflyWidth, kFireflyHeight);  // one plane of the same normal and distance
 
   Removed() {
     for (Plane& plane : light) plane.Fill(1);
@@ -147,9 +148,9 @@ struct Removed {
     return std::move(ReturnTo({Clone(energy), Clone(energy)}, pool)[0]);
   }
   std::array<Planes, 2> ReturnTo(const std::array<Planes, 2>& lost, TaskPool* pool = nullptr) const {
-    Halves halves = FlatHalves(kWidth, kHeight, 1.0f);
+    Halves halves = FlatHalves(kFireflyWidth, kFireflyHeight, 1.0f);
     halves.level = 1;
-    return ReturnRemoved(lost, light, halves, geometry, kKnee, kReach, {}, pool);
+    return ReturnRemoved(lost, light, halves, geometry, kKnee, kFireflyReach, {}, pool);
   }
 };
 
@@ -170,7 +171,7 @@ double Largest(const Plane& plane) {
 
 TEST(ReturnRemoved, ReturnsNothingOfOneOutlierWhereverItLies) {
   for (const float value : {500.0f, 3000.0f}) {
-    for (const auto& [x, y] : {std::pair(60, 40), std::pair(0, 0), std::pair(kWidth - 1, 33)}) {
+    for (const auto& [x, y] : {std::pair(60, 40), std::pair(0, 0), std::pair(kFireflyWidth - 1, 33)}) {
       Removed removed;
       removed.Add(x, y, value);
       EXPECT_LT(Largest(removed.Return()[1]), 1e-3) << value << " at " << x << " " << y;
@@ -189,16 +190,17 @@ TEST(ReturnRemoved, ReturnsNothingOfOneOutlierOnASmallSurface) {
 
 TEST(ReturnRemoved, ReturnsMostOfManyEqualOutliersWhereTheyAre) {
   Removed removed;
-  for (int y = 2; y < kHeight; y += 5) {
-    for (int x = 2; x < kWidth / 2; x += 5) removed.Add(x, y, 20);
+  for (int y = 2; y < kFireflyHeight; y += 5) {
+    for (int x = 2; x < kFireflyWidth / 2; x += 5) removed.Add(x, y, 20);
   }
   for (Plane& plane : removed.light) {
-    for (int y = 0; y < kHeight; ++y) std::fill(plane.Row(y) + kWidth / 2, plane.Row(y) + kWidth, 0.02f);
+    for (int y = 0; y < kFireflyHeight; ++y)
+      std::fill(plane.Row(y) + kFireflyWidth / 2, plane.Row(y) + kFireflyWidth, 0.02f);
   }
   const Plane returned = std::move(removed.Return()[1]);
   double in_light = 0;
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth / 2; ++x) in_light += static_cast<double>(returned.At(x, y));
+  for (int y = 0; y < kFireflyHeight; ++y) {
+    for (int x = 0; x < kFireflyWidth / 2; ++x) in_light += static_cast<double>(returned.At(x, y));
   }
   EXPECT_GT(in_light, 0.9 * Sum(removed.energy[1]));
   EXPECT_LT(Sum(returned) - in_light, 0.01 * in_light);
@@ -209,7 +211,8 @@ TEST(ReturnRemoved, KeepsTheSumOfManyOutliers) {
     Removed removed;
     std::mt19937 random(seed);
     for (int i = 0; i < 50; ++i)
-      removed.Add(static_cast<int>(random() % kWidth), static_cast<int>(random() % kHeight), 30);
+      removed.Add(static_cast<int>(random() % kFireflyWidth), static_cast<int>(random() % kFireflyHeight),
+                  30);
     EXPECT_NEAR(Sum(removed.Return()[1]) / Sum(removed.energy[1]), 1, 0.05) << seed;
   }
 }
@@ -218,7 +221,7 @@ TEST(ReturnRemoved, GivesToEachHalfWhatItLostItself) {
   Removed removed;
   for (int i = 0; i < 30; ++i) removed.Add(4 * i + 3, 3 * i + 2, 30);
   const std::array<Planes, 2> returned =
-      removed.ReturnTo({Clone(removed.energy), MakePlanes(3, kWidth, kHeight)});
+      removed.ReturnTo({Clone(removed.energy), MakePlanes(3, kFireflyWidth, kFireflyHeight)});
   EXPECT_NEAR(Sum(returned[0][1]) / Sum(removed.energy[1]), 1, 0.1);
   EXPECT_EQ(Largest(returned[1][1]), 0);
 }
@@ -229,8 +232,8 @@ TEST(ReturnRemoved, GivesTheSameBitsForAnyPool) {
   ShufflingPool pool(3);
   const Planes shuffled = removed.Return(&pool);
   const Planes alone = removed.Return();
-  for (int y = 0; y < kHeight; ++y)
-    EXPECT_TRUE(std::equal(alone[2].Row(y), alone[2].Row(y) + kWidth, shuffled[2].Row(y)));
+  for (int y = 0; y < kFireflyHeight; ++y)
+    EXPECT_TRUE(std::equal(alone[2].Row(y), alone[2].Row(y) + kFireflyWidth, shuffled[2].Row(y)));
 }
 
 }  // namespace

@@ -15,9 +15,9 @@
 namespace lumifold::filter {
 namespace {
 
-constexpr int kWidth = 64;
-constexpr int kHeight = 48;
-constexpr float kReach = 7;
+constexpr int kFirstOrderWidth = 64;
+constexpr int kFirstOrderHeight = 48;
+constexpr float kFirstOrderReach = 7;
 
 /// Light that rises to the right and down, of another slope in each channel.
 float Rising(size_t channel, int x, int y) {
@@ -26,10 +26,10 @@ float Rising(size_t channel, int x, int y) {
 }
 
 Planes RisingLight() {
-  Planes light = MakePlanes(3, kWidth, kHeight);
+  Planes light = MakePlanes(3, kFirstOrderWidth, kFirstOrderHeight);
   for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x) light[c].At(x, y) = Rising(c, x, y);
+    for (int y = 0; y < kFirstOrderHeight; ++y) {
+      for (int x = 0; x < kFirstOrderWidth; ++x) light[c].At(x, y) = Rising(c, x, y);
     }
   }
   return light;
@@ -37,12 +37,12 @@ Planes RisingLight() {
 
 /// One surface alike everywhere.
 struct Scene {
-  Planes features = MakePlanes(1, kWidth, kHeight);
-  Plane mask = Plane(kWidth, kHeight);
+  Planes features = MakePlanes(1, kFirstOrderWidth, kFirstOrderHeight);
+  Plane mask = Plane(kFirstOrderWidth, kFirstOrderHeight);
   Scene() { mask.Fill(1); }
 };
 
-constexpr ManifoldParams kFit = {.sigma_s = kReach, .height = 3, .cell = 4, .is_first_order = true};
+constexpr ManifoldParams kFit = {.sigma_s = kFirstOrderReach, .height = 3, .cell = 4, .is_first_order = true};
 
 Planes Filtered(const Planes& light, const Scene& scene, const ManifoldParams& params) {
   return ManifoldFilter(light, scene.features, scene.mask.view(), params, nullptr);
@@ -50,11 +50,11 @@ Planes Filtered(const Planes& light, const Scene& scene, const ManifoldParams& p
 
 /// Light and its moments over pixels: what the oracle takes for signals.
 Planes MomentsOf(const Planes& light) {
-  Planes moments = MakePlanes(kMoments, kWidth, kHeight);
-  for (int row = 0; row < kHeight; ++row) {
-    for (int column = 0; column < kWidth; ++column) {
-      const float x = (static_cast<float>(column) - 0.5f * (kWidth - 1)) / kReach;
-      const float y = (static_cast<float>(row) - 0.5f * (kHeight - 1)) / kReach;
+  Planes moments = MakePlanes(kMoments, kFirstOrderWidth, kFirstOrderHeight);
+  for (int row = 0; row < kFirstOrderHeight; ++row) {
+    for (int column = 0; column < kFirstOrderWidth; ++column) {
+      const float x = (static_cast<float>(column) - 0.5f * (kFirstOrderWidth - 1)) / kFirstOrderReach;
+      const float y = (static_cast<float>(row) - 0.5f * (kFirstOrderHeight - 1)) / kFirstOrderReach;
       std::vector<float> values = {1, 1, 1, x, y, x, x, x, y, y, y, x * x, x * y, y * y};
       for (size_t k : {0u, 1u, 2u, 5u, 6u, 7u, 8u, 9u, 10u})
         values[k] *= light[k < 3 ? k : (k - 5) % 3].At(column, row);
@@ -69,8 +69,8 @@ TEST(FirstOrder, EqualsItsOracleOnCellsOfAPixel) {
   std::mt19937 random(3);
   std::uniform_real_distribution<float> uniform(0, 1);
   Planes light = RisingLight();
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
+  for (int y = 0; y < kFirstOrderHeight; ++y) {
+    for (int x = 0; x < kFirstOrderWidth; ++x) {
       scene.features[0].At(x, y) = x + y < 50 ? 0.0f : 0.8f + 0.5f * uniform(random);
       scene.mask.At(x, y) = uniform(random) < 0.1f ? 0.0f : 1.0f;
       for (Plane& channel : light) channel.At(x, y) += uniform(random);
@@ -80,14 +80,14 @@ TEST(FirstOrder, EqualsItsOracleOnCellsOfAPixel) {
   fit.cell = 1;
   ManifoldParams plain = fit;
   plain.is_first_order = false;
-  const Planes means =
-      ManifoldFilterOracle(MomentsOf(light), scene.features, scene.mask.view(), plain, kReach, nullptr)
-          .filtered;
-  const Planes expected = FitLight(means, kReach, kFit.slope_ridge, nullptr);
+  const Planes means = ManifoldFilterOracle(MomentsOf(light), scene.features, scene.mask.view(), plain,
+                                            kFirstOrderReach, nullptr)
+                           .filtered;
+  const Planes expected = FitLight(means, kFirstOrderReach, kFit.slope_ridge, nullptr);
   const Planes fast = Filtered(light, scene, fit);
   for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x)
+    for (int y = 0; y < kFirstOrderHeight; ++y) {
+      for (int x = 0; x < kFirstOrderWidth; ++x)
         ASSERT_NEAR(fast[c].At(x, y), expected[c].At(x, y), 2e-3f) << c << ": " << x << "," << y;
     }
   }
@@ -102,7 +102,8 @@ TEST(FirstOrder, KeepsAPlaneUpToThePicturesBorder) {
   const Planes fitted = Filtered(light, scene, kFit);
   EXPECT_GT(std::abs(mean[2].At(0, 0) - Rising(2, 0, 0)), 0.2f);  // what a mean is wrong by there
   for (size_t c = 0; c < 3; ++c) {
-    for (const auto& [x, y] : {std::pair{0, 0}, {kWidth - 1, 0}, {5, kHeight - 1}, {30, 20}})
+    for (const auto& [x, y] :
+         {std::pair{0, 0}, {kFirstOrderWidth - 1, 0}, {5, kFirstOrderHeight - 1}, {30, 20}})
       EXPECT_NEAR(fitted[c].At(x, y), Rising(c, x, y), 0.05f) << c << ": " << x << "," << y;
   }
 }
@@ -110,24 +111,25 @@ TEST(FirstOrder, KeepsAPlaneUpToThePicturesBorder) {
 TEST(FirstOrder, KeepsAPlaneHoweverPixelsLieInTheirCells) {
   Scene scene;
   std::mt19937 random(5);
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
+  for (int y = 0; y < kFirstOrderHeight; ++y) {
+    for (int x = 0; x < kFirstOrderWidth; ++x) {
       scene.mask.At(x, y) = random() % 3 == 0 ? 1.0f : 0.0f;
       scene.features[0].At(x, y) = 0.01f * static_cast<float>(x);
     }
   }
   const Planes fitted = Filtered(RisingLight(), scene, kFit);
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) EXPECT_NEAR(fitted[2].At(x, y), Rising(2, x, y), 0.06f) << x << "," << y;
+  for (int y = 0; y < kFirstOrderHeight; ++y) {
+    for (int x = 0; x < kFirstOrderWidth; ++x)
+      EXPECT_NEAR(fitted[2].At(x, y), Rising(2, x, y), 0.06f) << x << "," << y;
   }
 }
 
 TEST(FirstOrder, KeepsAConstant) {
   const Scene scene;
-  Planes light = MakePlanes(3, kWidth, kHeight);
+  Planes light = MakePlanes(3, kFirstOrderWidth, kFirstOrderHeight);
   for (Plane& channel : light) channel.Fill(0.7f);
   const Planes fitted = Filtered(light, scene, kFit);
-  for (int x = 0; x < kWidth; ++x) EXPECT_NEAR(fitted[1].At(x, 3), 0.7f, 1e-4f);
+  for (int x = 0; x < kFirstOrderWidth; ++x) EXPECT_NEAR(fitted[1].At(x, 3), 0.7f, 1e-4f);
 }
 
 TEST(FirstOrder, TakesThePixelsOwnLightWhereTheFilterFoundNothing) {
@@ -135,13 +137,13 @@ TEST(FirstOrder, TakesThePixelsOwnLightWhereTheFilterFoundNothing) {
   scene.mask.Fill(0);
   const Planes light = RisingLight();
   const Planes fitted = Filtered(light, scene, kFit);
-  for (int x = 0; x < kWidth; ++x) EXPECT_EQ(fitted[1].At(x, 7), light[1].At(x, 7));
+  for (int x = 0; x < kFirstOrderWidth; ++x) EXPECT_EQ(fitted[1].At(x, 7), light[1].At(x, 7));
 }
 
 TEST(FirstOrder, StaysFiniteBesideWeightsBelowNormalNumbers) {
   Scene scene;
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = kWidth / 2; x < kWidth; ++x) scene.mask.At(x, y) = 1e-42f;
+  for (int y = 0; y < kFirstOrderHeight; ++y) {
+    for (int x = kFirstOrderWidth / 2; x < kFirstOrderWidth; ++x) scene.mask.At(x, y) = 1e-42f;
   }
   EXPECT_TRUE(IsFinite(Filtered(RisingLight(), scene, kFit)));
 }
@@ -149,12 +151,12 @@ TEST(FirstOrder, StaysFiniteBesideWeightsBelowNormalNumbers) {
 TEST(FitLight, StaysFiniteWhereRoundingMakesSpreadsNegative) {
   Planes means = MomentsOf(RisingLight());
   for (size_t k : {11u, 13u}) {
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x) means[k].At(x, y) -= 0.01f;
+    for (int y = 0; y < kFirstOrderHeight; ++y) {
+      for (int x = 0; x < kFirstOrderWidth; ++x) means[k].At(x, y) -= 0.01f;
     }
   }
-  const Planes fitted = FitLight(means, kReach, kFit.slope_ridge, nullptr);
-  for (int x = 0; x < kWidth; ++x) EXPECT_NEAR(fitted[0].At(x, 3), Rising(0, x, 3), 1e-3f);
+  const Planes fitted = FitLight(means, kFirstOrderReach, kFit.slope_ridge, nullptr);
+  for (int x = 0; x < kFirstOrderWidth; ++x) EXPECT_NEAR(fitted[0].At(x, 3), Rising(0, x, 3), 1e-3f);
 }
 
 TEST(FirstOrder, FindsAtPointsWhatThePixelsFind) {
@@ -165,7 +167,7 @@ TEST(FirstOrder, FindsAtPointsWhatThePixelsFind) {
   points.own_features = 1;
   points.features.assign(4, 0.0f);
   const ManifoldResult result = ManifoldFilterAtPoints(RisingLight(), scene.features, scene.mask.view(), kFit,
-                                                       kReach, &points, nullptr);
+                                                       kFirstOrderReach, &points, nullptr);
   ASSERT_EQ(result.points.values.size(), 12u);
   for (size_t i = 0; i < 2; ++i) {
     const auto [x, y] = points.pixels[i];

@@ -26,7 +26,7 @@ struct Surface {
 
 const Surface kFront = {1, {0, 0, 1}, 2, 0.8f, 0};
 const Surface kBack = {2, {1, 0, 0}, 3, 0.2f, 0};
-const Surface kLamp = {3, {0, 1, 0}, 4, 0, 5};
+const Surface kLampSurface = {3, {0, 1, 0}, 4, 0, 5};
 
 constexpr float kOwn = 16.0f / (16.0f + 256.0f);  // weight of 4 samples beside 16 sub-samples
 
@@ -154,8 +154,8 @@ TEST(FragmentsOf, KeepNamesApartThatAreNotTheSame) {
 TEST(FragmentsOf, TellWhatSubSamplesChangeOfEmission) {
   EdgedImage film = Film();
   SetColor(film.pixels.GetColor(layers::kEmission), 1, 0, 2.5f);  // half of the samples hit the lamp
-  AddEdges({{1, {{kFront, 12}, {kLamp, 4}}}}, &film);
-  AddFragments({{1, kFront, {2, 2}}, {1, kLamp, {2, 2}}}, &film);
+  AddEdges({{1, {{kFront, 12}, {kLampSurface, 4}}}}, &film);
+  AddFragments({{1, kFront, {2, 2}}, {1, kLampSurface, {2, 2}}}, &film);
   const FragmentSet set = FragmentsOf(Frame(film));
   constexpr float kOwnOfHalf = 16.0f / (16.0f + 256.0f * 256.0f);  // E of 16 sub-samples has 256 rays
   for (size_t h = 0; h < 2; ++h)
@@ -165,8 +165,8 @@ TEST(FragmentsOf, TellWhatSubSamplesChangeOfEmission) {
 TEST(FragmentsOf, TellTheEmissionOfHalvesByTheSurfacesThatTheirSamplesHit) {
   EdgedImage film = Film();
   SetColor(film.pixels.GetColor(layers::kEmission), 1, 0, 2.5f);
-  AddEdges({{1, {{kFront, 12}, {kLamp, 4}}}}, &film);
-  AddFragments({{1, kFront, {1, 3}}, {1, kLamp, {3, 1}}}, &film);
+  AddEdges({{1, {{kFront, 12}, {kLampSurface, 4}}}}, &film);
+  AddFragments({{1, kFront, {1, 3}}, {1, kLampSurface, {3, 1}}}, &film);
   const FragmentSet set = FragmentsOf(Frame(film));
   ASSERT_EQ(set.pixels.size(), 1u);
   const FragmentSet::Pixel& pixel = set.pixels[0];
@@ -192,8 +192,8 @@ TEST(FragmentsOf, KnowNothingOfTheEmissionOfHalvesWithoutBoth) {
   EdgedImage film = Film();
   SetColor(film.pixels.GetColor(layers::kEmission), 1, 0, 3.75f);
   film.pixels.Get(layers::kSamplesB).At(1, 0) = 0;
-  AddEdges({{1, {{kFront, 12}, {kLamp, 4}}}}, &film);
-  AddFragments({{1, kFront, {1, 0}}, {1, kLamp, {3, 0}}}, &film);
+  AddEdges({{1, {{kFront, 12}, {kLampSurface, 4}}}}, &film);
+  AddFragments({{1, kFront, {1, 0}}, {1, kLampSurface, {3, 0}}}, &film);
   const FragmentSet set = FragmentsOf(Frame(film));
   ASSERT_EQ(set.pixels.size(), 1u);
   EXPECT_EQ(set.pixels[0].emission_of_half, (std::array<std::array<float, 3>, 2>{}));
@@ -203,9 +203,9 @@ TEST(FragmentsOf, KnowNothingOfTheEmissionOfHalvesWithoutBoth) {
 TEST(FragmentsOf, TellEmissionAloneWhereTheFilmHasNone) {
   EdgedImage film = Film();  // of a scene in which no surface reflects diffusely
   SetColor(film.pixels.GetColor(layers::kEmission), 1, 0, 2.5f);
-  AddEdges({{1, {{kFront, 12}, {kLamp, 4}}}}, &film);
+  AddEdges({{1, {{kFront, 12}, {kLampSurface, 4}}}}, &film);
   const FragmentSet without = FragmentsOf(Frame(film));
-  AddFragments({{1, kFront, {2, 2}}, {1, kLamp, {2, 2}}}, &film);
+  AddFragments({{1, kFront, {2, 2}}, {1, kLampSurface, {2, 2}}}, &film);
   const FragmentSet with = FragmentsOf(Frame(film));
   ASSERT_EQ(without.pixels.size(), 1u);
   EXPECT_EQ(without.pixels[0].x, 1);
@@ -229,7 +229,8 @@ TEST(FragmentsOf, KnowTheSliceOfALampThatAllSamplesMiss) {
 TEST(FragmentsOf, LeaveOutPixelsOfOneSurfaceAndRowsWithoutAnEdge) {
   EdgedImage film = Film();
   AddEdges({{1, {{kFront, 16}}}, {3, {{kFront, 8}, {kBack, 8}}}}, &film);
-  AddFragments({{0, kBack, {4, 4}}, {1, kFront, {4, 4}}, {2, kLamp, {4, 4}}, {3, kBack, {4, 4}}}, &film);
+  AddFragments({{0, kBack, {4, 4}}, {1, kFront, {4, 4}}, {2, kLampSurface, {4, 4}}, {3, kBack, {4, 4}}},
+               &film);
   const FragmentSet set = FragmentsOf(Frame(film));
   ASSERT_EQ(set.pixels.size(), 1u);
   EXPECT_EQ(set.pixels[0].x, 3);
@@ -251,8 +252,8 @@ TEST(FragmentsOf, NeedASampleAndAnEdgeSet) {
 
 TEST(LayerFragments, AreOfSurfacesThatReflectDiffuselyInTheBox) {
   EdgedImage film = Film();
-  AddEdges({{1, {{kFront, 8}, {kLamp, 8}}}, {2, {{kFront, 4}, {kBack, 12}}}}, &film);
-  AddFragments({{1, kFront, {4, 0}, {6, 0}}, {1, kLamp, {0, 4}}, {2, kFront, {4, 4}, {1, 2}}}, &film);
+  AddEdges({{1, {{kFront, 8}, {kLampSurface, 8}}}, {2, {{kFront, 4}, {kBack, 12}}}}, &film);
+  AddFragments({{1, kFront, {4, 0}, {6, 0}}, {1, kLampSurface, {0, 4}}, {2, kFront, {4, 4}, {1, 2}}}, &film);
   const Frame frame(film);
   Product product;
   product.box = {1, 0, 2, 1};
@@ -279,8 +280,8 @@ Product GlossyProduct() {
 TEST(LayerFragments, OfGlossyLightHaveSAndRoughnessOfTheirOwn) {
   EdgedImage film = Film();
   film.pixels.Add(layers::kRoughness);
-  AddEdges({{1, {{kMetal, 8}, {kLamp, 8}}}}, &film);
-  AddFragments({{1, kLamp, {1, 1}}, {1, kMetal, {3, 3}, {}, {5, 6}}}, &film);
+  AddEdges({{1, {{kMetal, 8}, {kLampSurface, 8}}}}, &film);
+  AddFragments({{1, kLampSurface, {1, 1}}, {1, kMetal, {3, 3}, {}, {5, 6}}}, &film);
   const Frame frame(film);
   const LayerFragments layer = LayerFragmentsOf(frame, FragmentsOf(frame), GlossyProduct(), {});
   ASSERT_EQ(layer.places.size(), 1u) << "the lamp has no glossy lobe";
@@ -298,13 +299,15 @@ TEST(LayerFragments, OfGlossyLightThatSubSamplesAloneHitHaveTheGlossOfTheirSurfa
   Surface bright = kMetal;
   bright.glossy_albedo = 0.5f;
   bright.roughness = 0.5f;
-  AddEdges({{0, {{kMetal, 8}, {kLamp, 8}}}, {1, {{kMetal, 8}, {kLamp, 8}}}, {2, {{kMetal, 4}, {kLamp, 12}}}},
+  AddEdges({{0, {{kMetal, 8}, {kLampSurface, 8}}},
+            {1, {{kMetal, 8}, {kLampSurface, 8}}},
+            {2, {{kMetal, 4}, {kLampSurface, 12}}}},
            &film);
-  AddFragments({{0, kLamp, {2, 2}},
+  AddFragments({{0, kLampSurface, {2, 2}},
                 {0, kMetal, {2, 2}, {}, {5, 6}},
-                {1, kLamp, {3, 3}},
+                {1, kLampSurface, {3, 3}},
                 {1, bright, {1, 1}, {}, {1, 1}},
-                {2, kLamp, {4, 4}}},
+                {2, kLampSurface, {4, 4}}},
                &film);
   const Frame frame(film);
   const LayerFragments layer = LayerFragmentsOf(frame, FragmentsOf(frame), GlossyProduct(), {});

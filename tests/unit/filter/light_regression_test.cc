@@ -11,11 +11,11 @@
 namespace lumifold::filter {
 namespace {
 
-constexpr int kWidth = 32;
-constexpr int kHeight = 30;
-constexpr int kEdge = 16;         // the column of pixels that show both surfaces
-constexpr float kNoise = 0.3f;    // deviation of a half
-constexpr float kCovered = 0.5f;  // by each surface in them
+constexpr int kRegressionWidth = 32;
+constexpr int kRegressionHeight = 30;
+constexpr int kEdge = 16;                 // the column of pixels that show both surfaces
+constexpr float kRegressionNoise = 0.3f;  // deviation of a half
+constexpr float kCovered = 0.5f;          // by each surface in them
 constexpr float kKnee = 0.2f;
 constexpr int kUnsampledRow = 11;  // where half A has no sample of the right surface
 
@@ -33,18 +33,19 @@ struct Layer {
 Layer TwoSurfaces(float unit) {
   Layer layer;
   Halves& halves = layer.halves;
-  halves.a = MakePlanes(3, kWidth, kHeight);
-  halves.b = MakePlanes(3, kWidth, kHeight);
+  halves.a = MakePlanes(3, kRegressionWidth, kRegressionHeight);
+  halves.b = MakePlanes(3, kRegressionWidth, kRegressionHeight);
   for (Plane* plane : {&halves.weight_a, &halves.weight_b, &halves.weight})
-    *plane = MakePlane(kWidth, kHeight, 1.0f);
-  halves.is_mixed = Plane(kWidth, kHeight);
+    *plane = MakePlane(kRegressionWidth, kRegressionHeight, 1.0f);
+  halves.is_mixed = Plane(kRegressionWidth, kRegressionHeight);
   halves.level = unit;
-  layer.geometry = MakePlanes(4, kWidth, kHeight);
-  layer.filtered = {MakePlanes(3, kWidth, kHeight), MakePlanes(3, kWidth, kHeight)};
+  layer.geometry = MakePlanes(4, kRegressionWidth, kRegressionHeight);
+  layer.filtered = {MakePlanes(3, kRegressionWidth, kRegressionHeight),
+                    MakePlanes(3, kRegressionWidth, kRegressionHeight)};
   std::mt19937 random(3);
-  std::normal_distribution<float> noise(0, kNoise);
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
+  std::normal_distribution<float> noise(0, kRegressionNoise);
+  for (int y = 0; y < kRegressionHeight; ++y) {
+    for (int x = 0; x < kRegressionWidth; ++x) {
       const int surface = x < kEdge ? 0 : 1;
       layer.geometry[0].At(x, y) = surface == 0 ? 4.0f : 0.0f;  // the normal, in sigmas
       layer.geometry[2].At(x, y) = surface == 0 ? 0.0f : 4.0f;
@@ -92,11 +93,11 @@ TEST(LightRegression, FindsTheLightOfEachSurfaceOfAnEdge) {
     double of_noise = 0;
     double of_fit = 0;
     double bias = 0;
-    for (int y = 0; y < kHeight; ++y) {
+    for (int y = 0; y < kRegressionHeight; ++y) {
       const size_t at = PointOf(surface, y);
       const auto truth = static_cast<double>(Truth(surface, y));
       const double off = static_cast<double>(fit.points[0][at]) - truth;
-      bias += off / kHeight;
+      bias += off / kRegressionHeight;
       of_fit += off * off;
       of_noise += y == kUnsampledRow && surface == 1
                       ? 0
@@ -117,8 +118,8 @@ TEST(LightRegression, TellsAHalfWithoutSamplesOfASurfaceWhatTheSurfaceShowsNearb
 TEST(LightRegression, LeavesWhatIsNotMixedAlone) {
   const Layer layer = TwoSurfaces(1);
   const Candidate fit = Fit(layer);
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) EXPECT_EQ(fit.a[1].At(x, y), layer.filtered.a[1].At(x, y));
+  for (int y = 0; y < kRegressionHeight; ++y) {
+    for (int x = 0; x < kRegressionWidth; ++x) EXPECT_EQ(fit.a[1].At(x, y), layer.filtered.a[1].At(x, y));
   }
 }
 

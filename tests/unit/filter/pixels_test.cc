@@ -19,28 +19,28 @@
 namespace lumifold::filter {
 namespace {
 
-constexpr int kWidth = 72;
-constexpr int kHeight = 56;
-constexpr int kEdgeColumn = 30;             // one surface ends within it
-constexpr Rect kMirror = {44, 20, 66, 44};  // shows a level
-constexpr float kHalfSamples = 3;           // of each half
+constexpr int kPinnedWidth = 72;
+constexpr int kPinnedHeight = 56;
+constexpr int kPinnedEdgeColumn = 30;           // one surface ends within it
+constexpr Rect kMirrorRect = {44, 20, 66, 44};  // shows a level
+constexpr float kHalfSamples = 3;               // of each half
 
 /// A number in [0, 1), fixed for each key.
 float Uniform(uint64_t key) { return static_cast<float>(MixBits(key) >> 40) * 0x1p-24f; }
 
-/// Noise of mean about 1 that is now and then large.
-float Noise(uint64_t layer, int half, int x, int y) {
+/// PinnedNoise of mean about 1 that is now and then large.
+float PinnedNoise(uint64_t layer, int half, int x, int y) {
   const uint64_t key = ((layer * 2 + static_cast<uint64_t>(half)) * 4096 + static_cast<uint64_t>(y)) * 4096 +
                        static_cast<uint64_t>(x);
   const float u = Uniform(key);
   return u > 0.995f ? 12.0f : 0.4f + 1.2f * u;
 }
 
-void Set(const ColorView& color, int x, int y, float value) {
+void SetGraded(const ColorView& color, int x, int y, float value) {
   for (size_t c = 0; c < 3; ++c) color[c].At(x, y) = value * (1.0f - 0.25f * static_cast<float>(c));
 }
 
-void AddHalved(const std::string& layer, LayeredImage* film) {
+void AddPinnedLayer(const std::string& layer, LayeredImage* film) {
   for (const std::string& name : {layer, layers::HalfA(layer), layers::HalfB(layer)}) film->AddColor(name);
 }
 
@@ -50,27 +50,28 @@ void SetLayer(const std::string& layer, uint64_t number, int x, int y, float lig
   float sum = 0;
   for (int half = 0; half < 2; ++half) {
     const auto name_of = half == 0 ? layers::HalfA : layers::HalfB;
-    const float value = light * Noise(number, half, x, y);
-    Set(film->GetColor(name_of(layer)), x, y, value);
+    const float value = light * PinnedNoise(number, half, x, y);
+    SetGraded(film->GetColor(name_of(layer)), x, y, value);
     for (size_t c = 0; c < 3; ++c)
       film->GetColor(name_of(layers::kNoisy))[c].At(x, y) +=
           factor * film->GetColor(name_of(layer))[c].At(x, y);
     sum += value;
   }
-  Set(film->GetColor(layer), x, y, 0.5f * sum);
+  SetGraded(film->GetColor(layer), x, y, 0.5f * sum);
   for (size_t c = 0; c < 3; ++c)
     film->GetColor(layers::kNoisy)[c].At(x, y) += factor * film->GetColor(layer)[c].At(x, y);
 }
 
 LayeredImage EmptyFilm(const layers::Level& level) {
-  LayeredImage film(kWidth, kHeight);
-  for (const std::string_view layer : layers::kHalved) AddHalved(std::string(layer), &film);
+  LayeredImage film(kPinnedWidth, kPinnedHeight);
+  for (const std::string_view layer : layers::kHalved) AddPinnedLayer(std::string(layer), &film);
   for (const std::string_view layer : layers::kWhole) film.AddColor(layer);
   for (const std::string_view name :
        {layers::kNormalX, layers::kNormalY, layers::kNormalZ, layers::kDistance, layers::kObjectId,
         layers::kMask, layers::kRoughness, layers::kSamplesA, layers::kSamplesB})
     film.Add(name);
-  for (const std::string_view layer : layers::kLevelHalved) AddHalved(layers::OfLevel(level, layer), &film);
+  for (const std::string_view layer : layers::kLevelHalved)
+    AddPinnedLayer(layers::OfLevel(level, layer), &film);
   for (const std::string_view layer : layers::kLevelWhole) film.AddColor(layers::OfLevel(level, layer));
   for (const std::string_view name : {layers::kSamplesA, layers::kSamplesB})
     film.Add(layers::OfLevel(level, name));
@@ -81,7 +82,7 @@ LayeredImage EmptyFilm(const layers::Level& level) {
 void SetMirror(const layers::Level& level, int x, int y, LayeredImage* film) {
   const auto channel = [&](std::string_view name) { return film->Get(layers::OfLevel(level, name)); };
   const bool is_left = x < 54;
-  Set(film->GetColor(layers::OfLevel(level, layers::kAlbedo)), x, y, 0.8f);
+  SetGraded(film->GetColor(layers::OfLevel(level, layers::kAlbedo)), x, y, 0.8f);
   SetLayer(layers::OfLevel(level, layers::kDirect), 4, x, y, is_left ? 1.0f : 0.3f, 0.8f, film);
   SetLayer(layers::OfLevel(level, layers::kIndirect), 5, x, y, 0.2f, 0.8f, film);
   channel(is_left ? layers::kNormalX : layers::kNormalY).At(x, y) = 1;
@@ -92,21 +93,21 @@ void SetMirror(const layers::Level& level, int x, int y, LayeredImage* film) {
 }
 
 /// Two walls that meet in a column of edge pixels, with a gloss of their own, and a mirror before the second.
-EdgedImage Film() {
+EdgedImage PinnedFilm() {
   const layers::Level level = {layers::Branch::kReflection, 1};
-  EdgedImage film{EmptyFilm(level), LayeredImage(kSubSamples, kHeight)};
-  ForEachPixel(kWidth, kHeight, [&](int x, int y) {
+  EdgedImage film{EmptyFilm(level), LayeredImage(kSubSamples, kPinnedHeight)};
+  ForEachPixel(kPinnedWidth, kPinnedHeight, [&](int x, int y) {
     LayeredImage* pixels = &film.pixels;
-    const bool is_right = x > kEdgeColumn || (x == kEdgeColumn && y % 2 == 0);
-    const bool is_mirror = kMirror.Contains(x, y);
+    const bool is_right = x > kPinnedEdgeColumn || (x == kPinnedEdgeColumn && y % 2 == 0);
+    const bool is_mirror = kMirrorRect.Contains(x, y);
     const float albedo = is_mirror ? 0.0f : ((x / 9 + y / 9) % 2 == 0 ? 0.75f : 0.25f);
     const float shade = (y < 24 ? 1.0f : 0.25f) * (is_right ? 1.0f : 0.5f);
-    Set(pixels->GetColor(layers::kAlbedo), x, y, albedo);
+    SetGraded(pixels->GetColor(layers::kAlbedo), x, y, albedo);
     if (!is_mirror) {
       SetLayer(std::string(layers::kDirect), 1, x, y, shade, albedo, pixels);
       SetLayer(std::string(layers::kIndirect), 2, x, y, 0.3f, albedo, pixels);
     }
-    Set(pixels->GetColor(layers::kGlossyAlbedo), x, y, is_right ? 0.0625f : 0.0f);
+    SetGraded(pixels->GetColor(layers::kGlossyAlbedo), x, y, is_right ? 0.0625f : 0.0f);
     if (is_right) SetLayer(std::string(layers::kGlossy), 3, x, y, 0.4f, 0.0625f, pixels);
     pixels->Get(is_right ? layers::kNormalZ : layers::kNormalX).At(x, y) = 1;
     pixels->Get(layers::kDistance).At(x, y) = is_right ? 3.0f : 2.0f;
@@ -118,28 +119,28 @@ EdgedImage Film() {
     if (is_mirror) SetMirror(level, x, y, pixels);
   });
   for (const std::string& name : layers::EdgeChannels()) film.edges.Add(name);
-  ForEachPixel(kSubSamples, kHeight, [&](int j, int y) {
+  ForEachPixel(kSubSamples, kPinnedHeight, [&](int j, int y) {
     const bool is_right = j % 4 >= 2;
-    film.edges.Get(layers::kPixelX).At(j, y) = kEdgeColumn;
+    film.edges.Get(layers::kPixelX).At(j, y) = kPinnedEdgeColumn;
     film.edges.Get(layers::kPixelY).At(j, y) = static_cast<float>(y);
     film.edges.Get(is_right ? layers::kNormalZ : layers::kNormalX).At(j, y) = 1;
     film.edges.Get(layers::kDistance).At(j, y) = is_right ? 3.0f : 2.0f;
     film.edges.Get(layers::kObjectId).At(j, y) = is_right ? 2.0f : 1.0f;
     film.edges.Get(layers::kMask).At(j, y) = 1;
-    Set(film.edges.GetColor(layers::kAlbedo), j, y, y / 9 % 2 == 0 ? 0.25f : 0.75f);
+    SetGraded(film.edges.GetColor(layers::kAlbedo), j, y, y / 9 % 2 == 0 ? 0.25f : 0.75f);
   });
   return film;
 }
 
-/// Both surfaces of the edge pixels of Film(), with light of their own.
+/// Both surfaces of the edge pixels of PinnedFilm(), with light of their own.
 LayeredImage Fragments() {
-  LayeredImage list(1, 2 * kHeight);
+  LayeredImage list(1, 2 * kPinnedHeight);
   for (const std::string& name : layers::FragmentChannels()) list.Add(name);
   for (int row = 0; row < list.height(); ++row) {
     const int y = row / 2;
     const bool is_right = row % 2 == 1;
     const auto set = [&](std::string_view name, float value) { list.Get(name).At(0, row) = value; };
-    set(layers::kPixelX, kEdgeColumn);
+    set(layers::kPixelX, kPinnedEdgeColumn);
     set(layers::kPixelY, static_cast<float>(y));
     set(is_right ? layers::kNormalZ : layers::kNormalX, 1);
     set(layers::kDistance, is_right ? 3.0f : 2.0f);
@@ -148,14 +149,16 @@ LayeredImage Fragments() {
                    is_right ? 3.0f : 2.0f));
     set(layers::kSamplesA, is_right ? 2 : 1);
     set(layers::kSamplesB, is_right ? 1 : 2);
-    Set(list.GetColor(layers::kAlbedo), 0, row, y / 9 % 2 == 0 ? 0.25f : 0.75f);
-    Set(list.GetColor(layers::kGlossyAlbedo), 0, row, is_right ? 0.5f : 0.0625f);
+    SetGraded(list.GetColor(layers::kAlbedo), 0, row, y / 9 % 2 == 0 ? 0.25f : 0.75f);
+    SetGraded(list.GetColor(layers::kGlossyAlbedo), 0, row, is_right ? 0.5f : 0.0625f);
     set(layers::kRoughness, is_right ? 0.25f : 1.0f);
     for (int half = 0; half < 2; ++half) {
       const auto name_of = half == 0 ? layers::HalfA : layers::HalfB;
-      Set(list.GetColor(name_of(layers::kDirect)), 0, row, (is_right ? 1.0f : 0.5f) * Noise(6, half, row, y));
-      Set(list.GetColor(name_of(layers::kIndirect)), 0, row, 0.3f * Noise(7, half, row, y));
-      Set(list.GetColor(name_of(layers::kGlossy)), 0, row, (is_right ? 0.9f : 0.4f) * Noise(8, half, row, y));
+      SetGraded(list.GetColor(name_of(layers::kDirect)), 0, row,
+                (is_right ? 1.0f : 0.5f) * PinnedNoise(6, half, row, y));
+      SetGraded(list.GetColor(name_of(layers::kIndirect)), 0, row, 0.3f * PinnedNoise(7, half, row, y));
+      SetGraded(list.GetColor(name_of(layers::kGlossy)), 0, row,
+                (is_right ? 0.9f : 0.4f) * PinnedNoise(8, half, row, y));
     }
   }
   return list;
@@ -182,7 +185,7 @@ TEST(Pixels, KeepTheirBits) {
       {"guided", 0x3457dbe5e9193d69u},    {"nlm", 0x739be5f0fd4845eeu},
       {"nfor", 0x3247626cfba25507u},
   };
-  const EdgedImage film = Film();
+  const EdgedImage film = PinnedFilm();
   for (const MethodInfo& method : Methods()) {
     const absl::StatusOr<Picture> picture = FilterFilm(film.pixels, method.name, nullptr, &film.edges);
     ASSERT_TRUE(picture.ok()) << picture.status();
@@ -194,7 +197,7 @@ TEST(Pixels, KeepTheirBits) {
 }
 
 TEST(Pixels, KeepTheirBitsWithFragments) {
-  const EdgedImage film = Film();
+  const EdgedImage film = PinnedFilm();
   const LayeredImage fragments = Fragments();
   const absl::StatusOr<Picture> picture =
       FilterFilm(film.pixels, "default", nullptr, &film.edges, &fragments);

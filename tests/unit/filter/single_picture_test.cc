@@ -17,8 +17,8 @@
 namespace lumifold::filter {
 namespace {
 
-constexpr int kWidth = 160;
-constexpr int kHeight = 120;
+constexpr int kPictureWidth = 160;
+constexpr int kPictureHeight = 120;
 
 /// The film as a renderer without halves would write it.
 LayeredImage WithoutHalves(LayeredImage film) {
@@ -48,7 +48,7 @@ double NoiseOf(const LayeredImage& film, std::string_view layer) {
 
 TEST(SinglePicture, EstimatesTheNoiseThatTrueHalvesMeasure) {
   for (const float noise : {0.05f, 0.2f, 0.5f}) {
-    LayeredImage film = MakeSyntheticFilm(kWidth, kHeight, noise, 3).film;
+    LayeredImage film = MakeSyntheticFilm(kPictureWidth, kPictureHeight, noise, 3).film;
     const double measured = NoiseOf(film, layers::kDirect);
     film = WithoutHalves(std::move(film));
     SplitIntoHalves(&film, nullptr);
@@ -57,7 +57,7 @@ TEST(SinglePicture, EstimatesTheNoiseThatTrueHalvesMeasure) {
 }
 
 TEST(SinglePicture, HalvesHaveThePictureForMean) {
-  LayeredImage film = WithoutHalves(MakeSyntheticFilm(kWidth, kHeight, 0.3f, 1).film);
+  LayeredImage film = WithoutHalves(MakeSyntheticFilm(kPictureWidth, kPictureHeight, 0.3f, 1).film);
   SplitIntoHalves(&film, nullptr);
   for (const std::string_view layer : {layers::kNoisy, layers::kDirect, layers::kIndirect}) {
     const float a = film.GetColor(layers::HalfA(layer))[0].At(50, 100);
@@ -68,7 +68,7 @@ TEST(SinglePicture, HalvesHaveThePictureForMean) {
 }
 
 TEST(SinglePicture, SplitsLightThroughASurfaceLikeAnyOther) {
-  LayeredImage film = WithoutHalves(MakeSyntheticFilm(kWidth, kHeight, 0.3f, 1).film);
+  LayeredImage film = WithoutHalves(MakeSyntheticFilm(kPictureWidth, kPictureHeight, 0.3f, 1).film);
   for (const std::string_view layer : {layers::kTransmitted, layers::kTransmittance}) {
     const ColorView out = film.AddColor(layer);
     for (size_t c = 0; c < 3; ++c) CopyPlane(std::as_const(film).GetColor(layers::kIndirect)[c], out[c]);
@@ -84,13 +84,13 @@ TEST(SinglePicture, SplitsLightThroughASurfaceLikeAnyOther) {
 }
 
 TEST(SinglePicture, FindsNoNoiseWhereThereIsNone) {
-  LayeredImage film = WithoutHalves(MakeSyntheticFilm(kWidth, kHeight, 0, 1).film);
+  LayeredImage film = WithoutHalves(MakeSyntheticFilm(kPictureWidth, kPictureHeight, 0, 1).film);
   SplitIntoHalves(&film, nullptr);
   EXPECT_LT(NoiseOf(film, layers::kIndirect), 1e-3);
 }
 
 TEST(SinglePicture, LetsTheFilterTakeMostOfTheNoise) {
-  SyntheticFilm synthetic = MakeSyntheticFilm(kWidth, kHeight, 0.4f, 9);
+  SyntheticFilm synthetic = MakeSyntheticFilm(kPictureWidth, kPictureHeight, 0.4f, 9);
   LayeredImage film = WithoutHalves(std::move(synthetic.film));
   SplitIntoHalves(&film, nullptr);
   const auto picture = FilterFilm(film, "default", nullptr);
@@ -103,7 +103,7 @@ TEST(SinglePicture, LetsTheFilterTakeMostOfTheNoise) {
 
 TEST(SinglePicture, IsTheSameForAnyPool) {
   const auto halves_by = [](TaskPool* pool) {
-    LayeredImage film = WithoutHalves(MakeSyntheticFilm(kWidth, kHeight, 0.4f, 9).film);
+    LayeredImage film = WithoutHalves(MakeSyntheticFilm(kPictureWidth, kPictureHeight, 0.4f, 9).film);
     SplitIntoHalves(&film, pool);
     return film;
   };
@@ -112,8 +112,9 @@ TEST(SinglePicture, IsTheSameForAnyPool) {
   const LayeredImage shuffled = halves_by(&pool);
   for (const LayeredImage::Channel& channel : alone.channels()) {
     const ConstFloatView other = shuffled.Get(channel.name);
-    for (int y = 0; y < kHeight; ++y)
-      EXPECT_TRUE(std::equal(other.Row(y), other.Row(y) + kWidth, channel.plane.Row(y))) << channel.name;
+    for (int y = 0; y < kPictureHeight; ++y)
+      EXPECT_TRUE(std::equal(other.Row(y), other.Row(y) + kPictureWidth, channel.plane.Row(y)))
+          << channel.name;
   }
 }
 

@@ -43,23 +43,6 @@ TEST(Stages, AreTheDefaultMethod) {
   EXPECT_TRUE(AreEqual(Denoise(Frame(film), nullptr), *FilterFilm(film, "default", nullptr)));
 }
 
-TEST(TunedConstants, AreFewAndReadBackWhatIsSet) {
-  std::vector<std::string_view> names;
-  for (const TunedConstant& constant : TunedConstants()) {
-    names.push_back(constant.name);
-    Settings settings = DefaultSettings();
-    const float value = constant.Get(settings);
-    const float doubled = constant.unit == "manifolds" ? 2 * value + 1 : 2 * value;  // one level more
-    constant.Set(&settings, doubled);
-    EXPECT_FLOAT_EQ(constant.Get(settings), doubled) << constant.name;
-    constant.Set(&settings, value);
-    EXPECT_FLOAT_EQ(constant.Get(settings), value) << constant.name;
-  }
-  EXPECT_LE(names.size(), 40u);
-  std::sort(names.begin(), names.end());
-  EXPECT_EQ(std::adjacent_find(names.begin(), names.end()), names.end());
-}
-
 TEST(TunedConstants, ThatGuideEveryLayerChangeThePicture) {
   const LayeredImage film = Film();
   const Picture whole = Denoise(Frame(film), nullptr);

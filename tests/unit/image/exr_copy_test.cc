@@ -14,7 +14,7 @@ namespace lumifold {
 namespace {
 
 /// A picture of more rows than are copied at a time, with lists.
-EdgedImage Picture() {
+EdgedImage CopiedPicture() {
   EdgedImage image{LayeredImage(5, 150), LayeredImage(16, 3)};
   for (const char* name : {"R", "G", "B", "A", "noisy.R", "noisy.G", "noisy.B", "N.X", "N.Y", "N.Z", "id.Y",
                            "CryptoObject00.R", "CryptoObject00.G", "CryptoObject00.B", "CryptoObject00.A"}) {
@@ -33,7 +33,7 @@ EdgedImage Picture() {
 
 class ExrCopy : public ::testing::Test {
  protected:
-  void SetUp() override { ASSERT_EQ(WriteExr(Path("from.exr"), Picture()), absl::OkStatus()); }
+  void SetUp() override { ASSERT_EQ(WriteExr(Path("from.exr"), CopiedPicture()), absl::OkStatus()); }
   std::string Path(const std::string& name) const { return folder_.PathOf(name); }
   absl::Status Copy(const ExrCopyOptions& options) {
     return CopyExr(Path("from.exr"), Path("to.exr"), options);
@@ -50,18 +50,18 @@ TEST_F(ExrCopy, AddsAttributesAndKeepsEveryBit) {
   const EdgedImage copy = Copied();
   EXPECT_EQ(copy.pixels.metadata().at("owner"), "ann");
   EXPECT_EQ(copy.pixels.metadata().at("lumifold.scene"), "room.glb");
-  ExpectSameImage(copy.pixels, Picture().pixels);
-  ExpectSameImage(copy.edges, Picture().edges);
-  ExpectSameImage(copy.fragments, Picture().fragments);
+  ExpectSameImage(copy.pixels, CopiedPicture().pixels);
+  ExpectSameImage(copy.edges, CopiedPicture().edges);
+  ExpectSameImage(copy.fragments, CopiedPicture().fragments);
   EXPECT_EQ(Parts(), 3);
 }
 
 TEST_F(ExrCopy, LosslessCompressionsKeepEveryBit) {
   for (const char* compression : {"none", "zips", "zip", "piz"}) {
     ASSERT_EQ(Copy({.compression = compression}), absl::OkStatus()) << compression;
-    ExpectSameImage(Copied().pixels, Picture().pixels);
-    ExpectSameImage(Copied().edges, Picture().edges);
-    ExpectSameImage(Copied().fragments, Picture().fragments);
+    ExpectSameImage(Copied().pixels, CopiedPicture().pixels);
+    ExpectSameImage(Copied().edges, CopiedPicture().edges);
+    ExpectSameImage(Copied().fragments, CopiedPicture().fragments);
   }
 }
 
@@ -69,20 +69,20 @@ TEST_F(ExrCopy, LayersBecomePartsAndAreReadBack) {
   ASSERT_EQ(Copy({.layers_as_parts = true}), absl::OkStatus());
   EXPECT_EQ(Parts(), 7) << "rgba, CryptoObject00, N, id, noisy, edges and fragments";
   const EdgedImage copy = Copied();
-  const LayeredImage picture = Picture().pixels;
+  const LayeredImage picture = CopiedPicture().pixels;
   for (const LayeredImage::Channel& channel : picture.channels()) {
     ASSERT_TRUE(copy.pixels.Has(channel.name)) << channel.name;
     for (int y = 0; y < 150; ++y)
       ASSERT_EQ(copy.pixels.Get(channel.name).At(3, y), channel.plane.view().At(3, y));
   }
-  ExpectSameImage(copy.edges, Picture().edges);
-  ExpectSameImage(copy.fragments, Picture().fragments);
+  ExpectSameImage(copy.edges, CopiedPicture().edges);
+  ExpectSameImage(copy.fragments, CopiedPicture().fragments);
 }
 
 TEST_F(ExrCopy, DwaaLosesOnlyColours) {
   ASSERT_EQ(Copy({.compression = "dwaa"}), absl::OkStatus());
   const EdgedImage copy = Copied();
-  const LayeredImage picture = Picture().pixels;
+  const LayeredImage picture = CopiedPicture().pixels;
   for (const char* name : {"N.X", "id.Y", "CryptoObject00.R", "CryptoObject00.B"}) {
     for (int y = 0; y < 150; ++y)
       ASSERT_EQ(copy.pixels.Get(name).At(1, y), picture.Get(name).At(1, y)) << name;

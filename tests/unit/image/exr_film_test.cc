@@ -23,11 +23,11 @@ namespace {
 
 using ::testing::HasSubstr;
 
-constexpr int kWidth = 75;
-constexpr int kHeight = 53;
+constexpr int kFilmWidth = 75;
+constexpr int kFilmHeight = 53;
 
 /// A picture whose values all differ.
-LayeredImage SamplePicture(int width = kWidth, int height = kHeight) {
+LayeredImage SamplePicture(int width = kFilmWidth, int height = kFilmHeight) {
   LayeredImage image(width, height);
   float value = 0;
   for (const char* name : {"R", "noisy.G"}) {
@@ -40,13 +40,13 @@ LayeredImage SamplePicture(int width = kWidth, int height = kHeight) {
 
 /// An edge set of every seventh pixel, in the order of rows.
 LayeredImage SampleEdges() {
-  constexpr int kRows = kWidth * kHeight / 7;
+  constexpr int kRows = kFilmWidth * kFilmHeight / 7;
   LayeredImage edges(kSubSamples, kRows);
   const FloatView x = edges.Add(layers::kPixelX);
   const FloatView y = edges.Add(layers::kPixelY);
   for (int row = 0; row < kRows; ++row) {
-    const int column = 7 * row % kWidth;
-    const int line = 7 * row / kWidth;
+    const int column = 7 * row % kFilmWidth;
+    const int line = 7 * row / kFilmWidth;
     for (int s = 0; s < kSubSamples; ++s) {
       x.At(s, row) = static_cast<float>(column);
       y.At(s, row) = static_cast<float>(line);
@@ -97,9 +97,11 @@ void WriteTiled(const std::string& path, const LayeredImage& image) {
 }
 
 /// Parts in the order of blocks, then some that go back, and some that need no scratch file.
-const std::vector<Rect> kParts = {
-    {0, 0, 40, 30},   {30, 0, 75, 30},    {0, 20, 40, 53}, {30, 20, 75, 53}, {5, 3, 6, 4},
-    {70, 50, 75, 53}, {0, 7, kWidth, 29}, {0, 0, 1, 1},    {74, 52, 75, 53}, {0, 0, kWidth, kHeight}};
+const std::vector<Rect> kParts = {{0, 0, 40, 30},         {30, 0, 75, 30},
+                                  {0, 20, 40, 53},        {30, 20, 75, 53},
+                                  {5, 3, 6, 4},           {70, 50, 75, 53},
+                                  {0, 7, kFilmWidth, 29}, {0, 0, 1, 1},
+                                  {74, 52, 75, 53},       {0, 0, kFilmWidth, kFilmHeight}};
 
 class ExrFilmTest : public testing::Test {
  protected:
@@ -118,8 +120,8 @@ TEST_F(ExrFilmTest, ReadsAnyPartOfScanLinesAndTiles) {
   WriteTiled(folder_.PathOf("tiles.exr"), picture);
   for (const char* name : {"lines.exr", "tiles.exr"}) {
     const std::unique_ptr<ExrFilm> film = Open(folder_.PathOf(name));
-    EXPECT_EQ(film->width(), kWidth);
-    EXPECT_EQ(film->height(), kHeight);
+    EXPECT_EQ(film->width(), kFilmWidth);
+    EXPECT_EQ(film->height(), kFilmHeight);
     for (const Rect& part : kParts) {
       const absl::StatusOr<EdgedImage> read = film->Read(part);
       ASSERT_TRUE(read.ok()) << read.status();
@@ -186,7 +188,7 @@ TEST_F(ExrFilmTest, NamesWhatIsWrongWithAFile) {
   ASSERT_TRUE(WriteExr(path, SamplePicture()).ok());
   const std::string bytes = ReadFile(path, 1 << 24).value();
   ASSERT_TRUE(WriteFileAtomically(path, bytes.substr(0, bytes.size() - 9)).ok());
-  const absl::StatusOr<EdgedImage> cut = Open(path)->Read({0, 40, 9, kHeight});
+  const absl::StatusOr<EdgedImage> cut = Open(path)->Read({0, 40, 9, kFilmHeight});
   EXPECT_EQ(cut.status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(cut.status().message()), HasSubstr(path));
 }
@@ -210,7 +212,7 @@ TEST_F(ExrFilmTest, SaysWhereItsScratchFileCannotBe) {
   const absl::StatusOr<std::unique_ptr<ExrFilm>> film =
       ExrFilm::Open(folder_.PathOf("a.exr"), folder_.PathOf("missing"));
   ASSERT_TRUE(film.ok());
-  EXPECT_TRUE((*film)->Read({0, 0, kWidth, kHeight}).ok());  // this read needs no scratch file
+  EXPECT_TRUE((*film)->Read({0, 0, kFilmWidth, kFilmHeight}).ok());  // this read needs no scratch file
   const absl::Status status = (*film)->Read({0, 0, 9, 9}).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable);
   EXPECT_THAT(std::string(status.message()), HasSubstr(folder_.PathOf("missing")));
@@ -227,8 +229,8 @@ TEST_F(ExrFilmTest, RowsGiveTheSameFileHoweverTheyArePortioned) {
   absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(folder_.PathOf("rows.exr"), layout(film.pixels),
                                                              {layout(film.edges), layout(film.fragments)});
   ASSERT_TRUE(writer.ok()) << writer.status();
-  for (int y = 0; y < kHeight; y += 10)
-    ASSERT_TRUE(writer->Append(film.pixels.Crop({0, y, kWidth, std::min(y + 10, kHeight)})).ok());
+  for (int y = 0; y < kFilmHeight; y += 10)
+    ASSERT_TRUE(writer->Append(film.pixels.Crop({0, y, kFilmWidth, std::min(y + 10, kFilmHeight)})).ok());
   EXPECT_FALSE(std::filesystem::exists(folder_.PathOf("rows.exr")));
   ASSERT_TRUE(writer->AppendEdges(film.edges).ok());
   const Rect all = film.fragments.bounds();
@@ -258,7 +260,7 @@ TEST_F(ExrFilmTest, AnyNumberOfThreadsGivesTheSameFileAndPicture) {
 TEST_F(ExrFilmTest, AWriterRefusesOtherRowsAndLeavesNothingUnfinished) {
   {
     absl::StatusOr<ExrRowWriter> writer =
-        ExrRowWriter::Create(folder_.PathOf("a.exr"), {kWidth, kHeight, {"R", "G"}, {}});
+        ExrRowWriter::Create(folder_.PathOf("a.exr"), {kFilmWidth, kFilmHeight, {"R", "G"}, {}});
     ASSERT_TRUE(writer.ok());
     EXPECT_FALSE(writer->Append(SamplePicture()).ok());       // no G
     EXPECT_FALSE(writer->Append(SamplePicture(8, 8)).ok());   // too narrow

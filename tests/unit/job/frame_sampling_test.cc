@@ -11,15 +11,15 @@ namespace lumifold::job {
 namespace {
 
 constexpr int kEdge = 10 * kSampleBlock;  // pixels
-constexpr size_t kBlocks = 100;
+constexpr size_t kSampledBlocks = 100;
 constexpr double kBudget = 512;
 
 SamplingSettings Settings() { return {.width = kEdge, .height = kEdge, .budget = kBudget}; }
 
-std::vector<double> Ones() { return std::vector<double>(kBlocks, 1.0); }
+std::vector<double> Ones() { return std::vector<double>(kSampledBlocks, 1.0); }
 
 /// Rays of a sample of a scene in which an estimate costs as much as 10 samples.
-std::vector<double> UsualCosts() { return std::vector<double>(kBlocks, 4.0); }
+std::vector<double> UsualCosts() { return std::vector<double>(kSampledBlocks, 4.0); }
 
 /// The error of each block at its samples, if its amplitude is `amplitudes`.
 std::vector<double> ErrorsAt(const Allocation& samples, const std::vector<double>& amplitudes) {
@@ -49,7 +49,7 @@ FrameSampling RunFrame(const SamplingSettings& settings, const std::vector<doubl
     if (compares && comparisons != nullptr) ++*comparisons;
     sampling.AddEstimate(
         static_cast<int>(round),
-        compares ? ErrorsAt(sampling.rounds()[round], amplitudes) : std::vector<double>(kBlocks, -1.0),
+        compares ? ErrorsAt(sampling.rounds()[round], amplitudes) : std::vector<double>(kSampledBlocks, -1.0),
         costs);
   }
   return sampling;
@@ -66,7 +66,7 @@ TEST(FrameSampling, SpendsASmallBudgetUniformly) {
   settings.budget = 63;
   const FrameSampling sampling(settings);
   EXPECT_TRUE(sampling.is_final());
-  EXPECT_EQ(sampling.rounds(), std::vector<Allocation>({Allocation(kBlocks, 63)}));
+  EXPECT_EQ(sampling.rounds(), std::vector<Allocation>({Allocation(kSampledBlocks, 63)}));
 }
 
 TEST(FrameSampling, BeginsWithUniformRounds) {
@@ -78,7 +78,7 @@ TEST(FrameSampling, BeginsWithUniformRounds) {
     EXPECT_FALSE(sampling.is_final());
     std::vector<uint32_t> samples;
     for (const Allocation& round : sampling.rounds()) {
-      EXPECT_EQ(round, Allocation(kBlocks, round[0]));
+      EXPECT_EQ(round, Allocation(kSampledBlocks, round[0]));
       samples.push_back(round[0]);
     }
     return samples;
@@ -91,9 +91,10 @@ TEST(FrameSampling, BeginsWithUniformRounds) {
 TEST(FrameSampling, BeginsWithMoreSamplesWhereTheBudgetIsLarge) {
   SamplingSettings settings = Settings();
   settings.budget = 2048;
-  EXPECT_EQ(FrameSampling(settings).rounds().front(), Allocation(kBlocks, 64));
+  EXPECT_EQ(FrameSampling(settings).rounds().front(), Allocation(kSampledBlocks, 64));
   settings.target_error = 1;
-  EXPECT_EQ(FrameSampling(settings).rounds().front(), Allocation(kBlocks, 16)) << "may need little of it";
+  EXPECT_EQ(FrameSampling(settings).rounds().front(), Allocation(kSampledBlocks, 16))
+      << "may need little of it";
 }
 
 TEST(FrameSampling, FiltersNothingWhereThatCostsTooMuch) {
@@ -101,16 +102,16 @@ TEST(FrameSampling, FiltersNothingWhereThatCostsTooMuch) {
   settings.budget = 128;
   const FrameSampling dear(settings);  // an estimate of 10 samples is a thirteenth of it
   EXPECT_TRUE(dear.NeedsPicture(UsualCosts()));
-  EXPECT_FALSE(dear.NeedsPicture(std::vector<double>(kBlocks, 3.0)));
+  EXPECT_FALSE(dear.NeedsPicture(std::vector<double>(kSampledBlocks, 3.0)));
   int comparisons = 0;
   const FrameSampling sampling =
-      RunFrame(settings, OneLoudBlock(100), std::vector<double>(kBlocks, 3.0), &comparisons);
+      RunFrame(settings, OneLoudBlock(100), std::vector<double>(kSampledBlocks, 3.0), &comparisons);
   EXPECT_EQ(comparisons, 0);
   EXPECT_TRUE(sampling.is_final());
-  EXPECT_EQ(sampling.rounds().back(), Allocation(kBlocks, 128));
+  EXPECT_EQ(sampling.rounds().back(), Allocation(kSampledBlocks, 128));
   EXPECT_LT(sampling.PredictedError(), 0);
   settings.target_error = 1;
-  EXPECT_TRUE(FrameSampling(settings).NeedsPicture(std::vector<double>(kBlocks, 3.0)))
+  EXPECT_TRUE(FrameSampling(settings).NeedsPicture(std::vector<double>(kSampledBlocks, 3.0)))
       << "nothing else tells when it is reached";
 }
 
@@ -139,7 +140,7 @@ TEST(FrameSampling, EstimatesAgainWhereThatSavesMoreThanItCosts) {
 TEST(FrameSampling, KeepsTheBudgetAndNeverTakesSamplesBack) {
   std::vector<double> amplitudes;
   std::vector<double> costs;
-  for (size_t i = 0; i < kBlocks; ++i) {
+  for (size_t i = 0; i < kSampledBlocks; ++i) {
     amplitudes.push_back(std::pow(1.1, static_cast<double>(i)));
     costs.push_back(1 + static_cast<double>(i % 7));
   }
@@ -147,7 +148,7 @@ TEST(FrameSampling, KeepsTheBudgetAndNeverTakesSamplesBack) {
   ASSERT_TRUE(sampling.is_final());
   const std::vector<Allocation>& rounds = sampling.rounds();
   for (size_t r = 1; r < rounds.size(); ++r) {
-    for (size_t i = 0; i < kBlocks; ++i) {
+    for (size_t i = 0; i < kSampledBlocks; ++i) {
       EXPECT_GE(rounds[r][i], rounds[r - 1][i]);
       EXPECT_EQ(rounds[r][i] % kSampleStep, 0u);
     }
@@ -159,19 +160,19 @@ TEST(FrameSampling, KeepsTheBudgetAndNeverTakesSamplesBack) {
 TEST(FrameSampling, GivesSamplesByErrorOverCost) {
   std::vector<double> amplitudes = Ones();
   std::vector<double> costs = UsualCosts();
-  for (size_t i = 0; i < kBlocks / 2; ++i) amplitudes[i] = 4;
-  for (size_t i = kBlocks / 2; i < kBlocks; i += 2) costs[i] *= 2;
+  for (size_t i = 0; i < kSampledBlocks / 2; ++i) amplitudes[i] = 4;
+  for (size_t i = kSampledBlocks / 2; i < kSampledBlocks; i += 2) costs[i] *= 2;
   const Allocation last = RunFrame(Settings(), amplitudes, costs).rounds().back();
-  const double cheap = last[kBlocks - 1];
+  const double cheap = last[kSampledBlocks - 1];
   EXPECT_NEAR(last[0] / cheap, std::pow(4, 0.45), 0.05);
-  EXPECT_NEAR(last[kBlocks - 2] / cheap, std::pow(0.5, 0.45), 0.05);
+  EXPECT_NEAR(last[kSampledBlocks - 2] / cheap, std::pow(0.5, 0.45), 0.05);
 }
 
 TEST(FrameSampling, LowersTheErrorBelowThatOfUniformSampling) {
   std::vector<double> amplitudes;
-  for (size_t i = 0; i < kBlocks; ++i) amplitudes.push_back(std::pow(1.05, static_cast<double>(i)));
+  for (size_t i = 0; i < kSampledBlocks; ++i) amplitudes.push_back(std::pow(1.05, static_cast<double>(i)));
   const Allocation last = RunFrame(Settings(), amplitudes, UsualCosts()).rounds().back();
-  const Allocation uniform(kBlocks, static_cast<uint32_t>(kBudget));
+  const Allocation uniform(kSampledBlocks, static_cast<uint32_t>(kBudget));
   EXPECT_LT(MeanOf(ErrorsAt(last, amplitudes)), 0.9 * MeanOf(ErrorsAt(uniform, amplitudes)));
 }
 
@@ -194,7 +195,7 @@ TEST(FrameSampling, LetsNoBlockDrawAllSamples) {
 }
 
 TEST(FrameSampling, EndsABlackFrameEarly) {
-  const FrameSampling sampling = RunFrame(Settings(), std::vector<double>(kBlocks, 0.0), UsualCosts());
+  const FrameSampling sampling = RunFrame(Settings(), std::vector<double>(kSampledBlocks, 0.0), UsualCosts());
   EXPECT_TRUE(sampling.is_final());
   EXPECT_EQ(sampling.rounds().back(), FrameSampling(Settings()).rounds().back()) << "the uniform rounds";
   EXPECT_EQ(sampling.PredictedError(), 0);
@@ -222,7 +223,7 @@ TEST(FrameSampling, KeepsWhatItKnowsOfBlocksWithoutNewSamples) {
   FrameSampling sampling(Settings());
   const std::vector<double> amplitudes = OneLoudBlock(20);
   sampling.AddEstimate(1, ErrorsAt(sampling.rounds()[1], amplitudes), UsualCosts());
-  sampling.AddEstimate(2, std::vector<double>(kBlocks, -1.0), UsualCosts());
+  sampling.AddEstimate(2, std::vector<double>(kSampledBlocks, -1.0), UsualCosts());
   const Allocation& last = sampling.rounds().back();
   EXPECT_GT(last[37], 2 * last[0]);
 }
@@ -250,11 +251,11 @@ TEST(FrameSampling, FollowsABudgetThatChanges) {
 
 TEST(FrameSampling, MeasuresTheLastRoundWhereItHasNewSamples) {
   const FrameSampling sampling = RunFrame(Settings(), Ones(), UsualCosts());
-  std::vector<double> errors(kBlocks, 5.0);
+  std::vector<double> errors(kSampledBlocks, 5.0);
   EXPECT_EQ(sampling.MeasuredError(errors), 5);
-  errors.assign(kBlocks, -1.0);
+  errors.assign(kSampledBlocks, -1.0);
   EXPECT_EQ(sampling.MeasuredError(errors), sampling.PredictedError());
-  std::fill(errors.begin(), errors.begin() + kBlocks / 2, 5.0);
+  std::fill(errors.begin(), errors.begin() + kSampledBlocks / 2, 5.0);
   EXPECT_NEAR(sampling.MeasuredError(errors), 0.5 * (5 + sampling.PredictedError()), 1e-6);
 }
 

@@ -1,4 +1,3 @@
-// Runs as one test: all cases share one private server.
 #include "server/ledger/postgres_job_store.h"
 
 #include <gmock/gmock.h>
@@ -11,9 +10,9 @@
 #include "absl/strings/str_replace.h"
 #include "server/ledger/open_job_store.h"
 #include "server/ledger/postgres_connection.h"
-#include "tests/support/private_postgres.h"
 #include "tests/unit/ledger/job_store_fixture.h"
 #include "tests/unit/ledger/old_schemas.h"
+#include "tests/unit/ledger/postgres_database.h"
 
 namespace lumifold::ledger {
 namespace {
@@ -25,39 +24,11 @@ using ::testing::Not;
 
 constexpr char kPassword[] = "secret/word";
 
-PrivatePostgres* Server(std::string* why_not) {
-  static std::string reason;
-  static const std::unique_ptr<PrivatePostgres> server = PrivatePostgres::Start(&reason);
-  *why_not = reason;
-  return server.get();
-}
-
-/// A schema of its own in the server's database.
-class PostgresDatabase final : public Database {
- public:
-  explicit PostgresDatabase(const std::string& uri) {
-    static std::atomic<int> count = 0;
-    const std::string schema = absl::StrCat("test_", ++count);
-    EXPECT_TRUE((*PostgresConnection::Open(uri))->RunScript("CREATE SCHEMA " + schema).ok());
-    uri_ = absl::StrCat(uri, "&options=-csearch_path%3D", schema);
-  }
-  absl::StatusOr<std::unique_ptr<JobStore>> Open() override { return OpenPostgresJobStore(uri_); }
-  const std::string& uri() const { return uri_; }
-
- private:
-  std::string uri_;
-};
-
-std::unique_ptr<Database> MakePostgres(std::string* why_not) {
-  const PrivatePostgres* server = Server(why_not);
-  return server == nullptr ? nullptr : std::make_unique<PostgresDatabase>(server->uri());
-}
-
 class PostgresJobStoreTest : public ::testing::Test {
  protected:
   void SetUp() override {
     std::string why_not;
-    server_ = Server(&why_not);
+    server_ = PostgresServer(&why_not);
     if (server_ == nullptr && why_not.find("not installed") != std::string::npos) GTEST_SKIP() << why_not;
     ASSERT_NE(server_, nullptr) << why_not;
     database_ = std::make_unique<PostgresDatabase>(server_->uri());
@@ -186,7 +157,5 @@ TEST_F(PostgresJobStoreTest, TwoCoordinatorsOpenCreateAndCommitAtOnce) {
 }
 
 }  // namespace
-
-std::vector<DatabaseKind> DatabaseKinds() { return {{"Postgres", MakePostgres}}; }
 
 }  // namespace lumifold::ledger

@@ -17,14 +17,14 @@ namespace {
 constexpr int kWidth = 100;
 constexpr int kHeight = 60;
 constexpr float kLight = 0.5f;
-constexpr float kSigma = 0.1f;  // of one sample
+constexpr float kEstimatedSigma = 0.1f;  // of one sample
 constexpr int kBlock = 8;
 
 /// A film of `samples` per pixel whose samples are normally distributed around kLight.
 LayeredImage NoiseFilm(int samples, std::mt19937* random) {
   LayeredImage film(kWidth, kHeight);
   const float half = static_cast<float>(samples) / 2;
-  std::normal_distribution<float> noise(kLight, kSigma / std::sqrt(half));
+  std::normal_distribution<float> noise(kLight, kEstimatedSigma / std::sqrt(half));
   ColorView mean = film.AddColor(layers::kNoisy);
   ColorView a = film.AddColor(layers::HalfA(layers::kNoisy));
   ColorView b = film.AddColor(layers::HalfB(layers::kNoisy));
@@ -87,7 +87,7 @@ double MeanOf(const ErrorEstimate& estimate) {
 
 /// Variance of the picture in units of RelMse.
 double TrueVariance(int samples, float noise) {
-  const double variance = static_cast<double>(noise * noise * kSigma * kSigma) / samples;
+  const double variance = static_cast<double>(noise * noise * kEstimatedSigma * kEstimatedSigma) / samples;
   return variance / (static_cast<double>(kLight) * static_cast<double>(kLight) + 0.01);
 }
 
@@ -243,7 +243,7 @@ TEST(EstimateError, CountsSteepDarkTonesMoreInMse255) {
   const LayeredImage film = MakeFilm(32);
   const ErrorEstimate estimate = EstimateOf(film, FilterHalves(film, 0.3f, 0), ErrorMetric::kMse255);
   const double slope = 255 * 1.055 / 2.4 * std::pow(static_cast<double>(kLight), 1 / 2.4 - 1);
-  const double variance = static_cast<double>(0.3f * 0.3f * kSigma * kSigma) / 32;
+  const double variance = static_cast<double>(0.3f * 0.3f * kEstimatedSigma * kEstimatedSigma) / 32;
   EXPECT_NEAR(MeanOf(estimate) / (OverVariance(0.3) * slope * slope * variance), 1, 0.05);
 }
 

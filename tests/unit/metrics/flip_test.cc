@@ -9,6 +9,7 @@
 
 #include "filter/image/layered_image.h"
 #include "filter/image/planes.h"
+#include "tests/unit/metrics/color_of.h"
 
 namespace lumifold::metrics {
 namespace {
@@ -36,8 +37,6 @@ LayeredImage Noise(int width, int height, float most, uint32_t seed) {
   }
   return image;
 }
-
-ConstColorView ColorOf(const LayeredImage& image) { return image.GetColor(""); }
 
 double FlatFlip(const Rgb& a, const Rgb& b) {
   const LayeredImage first = Flat(5, 3, a);

@@ -5,11 +5,10 @@
 #include "filter/image/color.h"
 #include "filter/image/layered_image.h"
 #include "filter/metrics/metrics.h"
+#include "tests/unit/metrics/color_of.h"
 
 namespace lumifold::metrics {
 namespace {
-
-ConstColorView ColorOf(const LayeredImage& image) { return image.GetColor(""); }
 
 Plane Ramp(int width, float top) {
   Plane plane(width, 1);

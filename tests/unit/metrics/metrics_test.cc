@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "filter/image/layered_image.h"
+#include "tests/unit/metrics/color_of.h"
 
 namespace lumifold::metrics {
 namespace {
@@ -19,8 +20,6 @@ LayeredImage Grey(float left, float right) {
   }
   return image;
 }
-
-ConstColorView ColorOf(const LayeredImage& image) { return image.GetColor(""); }
 
 TEST(Mse255, IsZeroForEqualPictures) {
   const LayeredImage image = Grey(0.2f, 3.0f);

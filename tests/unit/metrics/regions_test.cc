@@ -5,13 +5,12 @@
 #include "filter/image/layers.h"
 #include "filter/image/planes.h"
 #include "filter/metrics/metrics.h"
+#include "tests/unit/metrics/color_of.h"
 
 namespace lumifold::metrics {
 namespace {
 
 constexpr int kSide = 32;
-
-ConstColorView ColorOf(const LayeredImage& image) { return image.GetColor(""); }
 
 /// A plane that faces the camera, white and evenly lit.
 EdgedImage EvenPlane() {

@@ -9,11 +9,10 @@
 #include "filter/image/color.h"
 #include "filter/image/layered_image.h"
 #include "filter/image/planes.h"
+#include "tests/unit/metrics/color_of.h"
 
 namespace lumifold::metrics {
 namespace {
-
-ConstColorView ColorOf(const LayeredImage& image) { return image.GetColor(""); }
 
 /// A grey picture of one displayed value.
 LayeredImage Flat(int side, float displayed) {

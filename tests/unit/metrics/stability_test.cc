@@ -13,11 +13,10 @@
 #include "tests/charts/metrics/reference_noise.h"
 #include "tests/charts/metrics/seam.h"
 #include "tests/charts/metrics/seeds.h"
+#include "tests/unit/metrics/color_of.h"
 
 namespace lumifold::metrics {
 namespace {
-
-ConstColorView ColorOf(const LayeredImage& image) { return image.GetColor(""); }
 
 /// A grey picture of displayed values `base` + add(x, y).
 template <typename Function>
@@ -31,7 +30,7 @@ LayeredImage Grey(int width, int height, float base, Function add) {
   return image;
 }
 
-LayeredImage Noise(int width, int height, float sigma, uint32_t seed) {
+LayeredImage GreyNoise(int width, int height, float sigma, uint32_t seed) {
   std::mt19937 random(seed);
   std::normal_distribution<float> normal(0, sigma);
   return Grey(width, height, 0.5f, [&](int, int) { return normal(random); });
@@ -43,8 +42,8 @@ LayeredImage Flat(int width, int height, float displayed) {
 
 TEST(ReferenceNoise, IsTheErrorOfTheMeanOfTwoHalves) {
   constexpr float kSigma = 0.02f;  // of a half
-  const LayeredImage a = Noise(128, 128, kSigma, 1);
-  const LayeredImage b = Noise(128, 128, kSigma, 2);
+  const LayeredImage a = GreyNoise(128, 128, kSigma, 1);
+  const LayeredImage b = GreyNoise(128, 128, kSigma, 2);
   EXPECT_NEAR(Mse255Noise(ColorOf(a), ColorOf(b)), std::pow(255 * kSigma, 2) / 2, 0.5);
 }
 
@@ -60,7 +59,7 @@ TEST(Seeds, TellVarianceFromBias) {
   constexpr float kSigma = 0.03f;
   constexpr float kBias = 0.05f;
   std::vector<LayeredImage> images;
-  for (uint32_t seed = 0; seed < 8; ++seed) images.push_back(Noise(64, 64, kSigma, seed));
+  for (uint32_t seed = 0; seed < 8; ++seed) images.push_back(GreyNoise(64, 64, kSigma, seed));
   std::vector<ConstColorView> pictures;
   for (const LayeredImage& image : images) pictures.push_back(ColorOf(image));
   const LayeredImage reference = Flat(64, 64, 0.5f + kBias);
@@ -87,7 +86,7 @@ TEST(Flicker, IsMeanAndTailOfTheChange) {
 }
 
 TEST(Blotch, IsOneForTheNoisyPictureItself) {
-  const LayeredImage noisy = Noise(64, 64, 0.05f, 3);
+  const LayeredImage noisy = GreyNoise(64, 64, 0.05f, 3);
   const LayeredImage reference = Flat(64, 64, 0.5f);
   const Blotch blotch = *MeasureBlotch(ColorOf(noisy), ColorOf(noisy), ColorOf(reference));
   EXPECT_NEAR(blotch.luminance, 1.0, 1e-9);
@@ -95,7 +94,7 @@ TEST(Blotch, IsOneForTheNoisyPictureItself) {
 }
 
 TEST(Blotch, FindsSpotsThatAFilterMade) {
-  const LayeredImage noisy = Noise(64, 64, 0.05f, 4);
+  const LayeredImage noisy = GreyNoise(64, 64, 0.05f, 4);
   const LayeredImage reference = Flat(64, 64, 0.5f);
   const LayeredImage spots =
       Grey(64, 64, 0.5f, [](int x, int y) { return (x / 16 + y / 16) % 2 == 0 ? 0.01f : -0.01f; });

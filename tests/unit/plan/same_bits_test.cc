@@ -2,6 +2,7 @@
 // the channels that it lacks are 0 there.
 #include <gtest/gtest.h>
 
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,11 +23,11 @@ struct NamedScene {
   bool sky = false;
 };
 
-Material Gray() { return lumifold::testing::Lambert({0.6f, 0.5f, 0.4f}); }
+Material Brownish() { return lumifold::testing::Lambert({0.6f, 0.5f, 0.4f}); }
 
 Scene TexturedRoom(scene::AlphaMode mode, uint8_t alpha) {
-  Scene room = LitBox(Gray());
-  room.materials.push_back(Gray());
+  Scene room = LitBox(Brownish());
+  room.materials.push_back(Brownish());
   room.materials[2].alpha_mode = mode;
   lumifold::testing::Place(&room, lumifold::testing::QuadMesh({-1, -1, -0.5f}, {2, 0, 0}, {0, 2, 0}, 2));
   const int texture = AddTexture({200, 90, 30, 255, 20, 90, 200, alpha, 90, 90, 90, 255}, &room);
@@ -37,7 +38,7 @@ Scene TexturedRoom(scene::AlphaMode mode, uint8_t alpha) {
 /// A sheet of the box whose material has this texel, alone, as its metallic-roughness picture: a mirror if it
 /// is black in its roughness and white in its metallic channel.
 Scene RoomWithOneTexel(const std::vector<uint8_t>& texel) {
-  Scene room = LitBox(Gray());
+  Scene room = LitBox(Brownish());
   Material metal = Mirror();
   metal.roughness = 1;
   room.materials.push_back(metal);
@@ -49,7 +50,7 @@ Scene RoomWithOneTexel(const std::vector<uint8_t>& texel) {
 
 /// A lamp that the camera sees through a pane alone.
 Scene EmitterBehindGlass() {
-  Scene room = LitBox(Gray());
+  Scene room = LitBox(Brownish());
   room.materials.push_back(ClearPane());
   lumifold::testing::Place(&room,
                            lumifold::testing::QuadMesh({-0.6f, -0.6f, -1.5f}, {1.2f, 0, 0}, {0, 1.2f, 0}, 1));
@@ -60,34 +61,34 @@ Scene EmitterBehindGlass() {
 
 /// Scenes in which the plan leaves out nothing that contributes.
 std::vector<NamedScene> Scenes() {
-  Material unlit = Gray();
+  Material unlit = Brownish();
   unlit.unlit = true;
-  Scene bulb = Box(Gray());
+  Scene bulb = Box(Brownish());
   bulb.lights.emplace_back();
   bulb.lights[0].world_from_light.origin = {0, 1, 1};
-  Scene sheet_and_bulb = Sheet(Gray());
+  Scene sheet_and_bulb = Sheet(Brownish());
   sheet_and_bulb.lights = bulb.lights;
-  Scene one_mirror = LitBox(Gray());
+  Scene one_mirror = LitBox(Brownish());
   one_mirror.materials.push_back(Mirror());
   lumifold::testing::Place(&one_mirror,
                            lumifold::testing::QuadMesh({-1, -1, -1.9f}, {2, 0, 0}, {0, 2, 0}, 2));
-  Scene pane = LitBox(Gray());
+  Scene pane = LitBox(Brownish());
   pane.materials.push_back(ClearPane());
   lumifold::testing::Place(&pane, lumifold::testing::QuadMesh({-1, -1, -0.5f}, {2, 0, 0}, {0, 2, 0}, 2));
   return {
-      {"diffuse room", LitBox(Gray())},
-      {"diffuse room under a sky", LitBox(Gray()), true},
+      {"diffuse room", LitBox(Brownish())},
+      {"diffuse room under a sky", LitBox(Brownish()), true},
       {"glossy and mirror room", lumifold::testing::SmallRoom()},
       {"hall of mirrors", LitBox(Mirror())},
       {"one flat mirror", one_mirror},
       {"a pane", pane},
       {"unlit", Box(unlit)},
       {"emitter only", Sheet(lumifold::testing::Emitter({3, 2, 1}))},
-      {"sheet under a sky", Sheet(Gray()), true},
+      {"sheet under a sky", Sheet(Brownish()), true},
       {"mirror sheet under a sky", Sheet(Mirror()), true},
       {"sheet and bulb", sheet_and_bulb},
       {"room and bulb", bulb},
-      {"no light", Box(Gray())},
+      {"no light", Box(Brownish())},
       {"textured", TexturedRoom(scene::AlphaMode::kOpaque, 255)},
       {"mask without holes", TexturedRoom(scene::AlphaMode::kMask, 200)},
       {"mask with holes", TexturedRoom(scene::AlphaMode::kMask, 0)},
@@ -96,10 +97,25 @@ std::vector<NamedScene> Scenes() {
       {"one texel makes a mirror", RoomWithOneTexel({0, 0, 255, 255})},
       {"one texel makes rough metal", RoomWithOneTexel({0, 128, 255, 255})},
       {"an emitter behind glass", EmitterBehindGlass()},
-      {"tiny", lumifold::testing::Scaled(LitBox(Gray()), 1e-3f)},
-      {"huge", lumifold::testing::Scaled(LitBox(Gray()), 1e5f)},
+      {"tiny", lumifold::testing::Scaled(LitBox(Brownish()), 1e-3f)},
+      {"huge", lumifold::testing::Scaled(LitBox(Brownish()), 1e5f)},
       {"empty", Scene(), true},
   };
+}
+
+constexpr int kPictureWidth = 64;
+constexpr int kPictureHeight = 48;
+
+/// The picture of the full plan, which is rendered once for all tests.
+const LayeredImage& FullPicture(const NamedScene& named) {
+  static std::map<std::string, LayeredImage> pictures;
+  const auto [entry, is_new] = pictures.try_emplace(named.name);
+  if (is_new) {
+    const auto renderer =
+        render::MakeRenderer(named.scene, SettingsFor(named.sky ? WhiteSky() : nullptr).render);
+    entry->second = render::RenderAll(*renderer, kPictureWidth, kPictureHeight, 10);
+  }
+  return entry->second;
 }
 
 TEST(SameBits, ThePlannedPictureIsTheFullOne) {
@@ -113,13 +129,11 @@ TEST(SameBits, ThePlannedPictureIsTheFullOne) {
     planned.max_bounces = plan.max_bounces;
     const auto full_renderer = render::MakeRenderer(named.scene, settings.render);
     const auto plan_renderer = render::MakeRenderer(named.scene, planned);
-    const int width = settings.render.width;
-    const int height = settings.render.height;
-    const LayeredImage full = render::RenderAll(*full_renderer, width, height, 10);
-    const LayeredImage pass = render::RenderAll(*plan_renderer, width, height, 10);
+    const LayeredImage& full = FullPicture(named);
+    const LayeredImage pass = render::RenderAll(*plan_renderer, kPictureWidth, kPictureHeight, 10);
     render::ExpectSameBits(full, pass);
     EXPECT_LE(pass.channels().size(), full.channels().size());
-    const Rect frame = {0, 0, width, height};
+    const Rect frame = {0, 0, kPictureWidth, kPictureHeight};
     const EdgedImage geometry = plan_renderer->RenderGeometry(frame, 0);
     const EdgedImage full_geometry = full_renderer->RenderGeometry(frame, 0);
     render::ExpectSameBits(full_geometry.pixels, geometry.pixels);
@@ -163,23 +177,23 @@ TEST(SameBits, CodeThatIsLeftOutChangesNothing) {
   for (const NamedScene& named : Scenes()) {
     SCOPED_TRACE(named.name);
     render::RenderSettings settings = SettingsFor(named.sky ? WhiteSky() : nullptr).render;
-    const LayeredImage full = render::RenderAll(*render::MakeRenderer(named.scene, settings), 64, 48, 10);
     const Plan plan = PlanOf(named.scene, SettingsFor(named.sky ? WhiteSky() : nullptr));
     Plan code;
     for (const char* name : {"general-code", "emission-on-hits", "alpha-by-mode"})
       Apply(name, Find(plan, name).value, &code);
     settings.plan = code.tracing;
-    const LayeredImage exact = render::RenderAll(*render::MakeRenderer(named.scene, settings), 64, 48, 10);
-    render::ExpectSameBits(full, exact);
-    EXPECT_EQ(exact.channels().size(), full.channels().size());
+    const LayeredImage exact =
+        render::RenderAll(*render::MakeRenderer(named.scene, settings), kPictureWidth, kPictureHeight, 10);
+    render::ExpectSameBits(FullPicture(named), exact);
+    EXPECT_EQ(exact.channels().size(), FullPicture(named).channels().size());
   }
 }
 
 TEST(SameBits, ADiffuseRoomHasAQuarterFewerChannels) {
-  const Plan plan = PlanOf(LitBox(Gray()));
+  const Plan plan = PlanOf(LitBox(Brownish()));
   render::RenderSettings planned = SettingsFor().render;
   const auto channels = [&] {
-    return render::RenderAll(*render::MakeRenderer(LitBox(Gray()), planned), 64, 48, 2).channels().size();
+    return render::RenderAll(*render::MakeRenderer(LitBox(Brownish()), planned), 64, 48, 2).channels().size();
   };
   const size_t full = channels();
   planned.plan = plan.tracing;

@@ -73,21 +73,21 @@ SurfaceMaterial Cloth(float sheen_roughness) {
   return m;
 }
 
-struct Case {
+struct BsdfCase {
   std::string name;
   SurfaceMaterial material;
 };
 
-std::vector<Case> Plastics() {
-  std::vector<Case> all;
+std::vector<BsdfCase> Plastics() {
+  std::vector<BsdfCase> all;
   for (const float roughness : {0.25f, 0.5f, 0.8f, 1.0f})
     all.push_back({"plastic " + std::to_string(roughness), Plastic(roughness)});
   return all;
 }
 
 /// Materials without delta lobes.
-std::vector<Case> RoughMaterials() {
-  std::vector<Case> all = Plastics();
+std::vector<BsdfCase> RoughMaterials() {
+  std::vector<BsdfCase> all = Plastics();
   for (const float roughness : {0.25f, 0.6f, 1.0f}) {
     const std::string at = " " + std::to_string(roughness);
     all.push_back({"metal" + at, Metal(roughness)});
@@ -220,14 +220,14 @@ TEST(Bsdf, DiffuseLobeIsLossless) {
 /// White materials conserve energy at every roughness, for rays from outside and inside.
 TEST(Bsdf, WhiteFurnaceHolds) {
   for (const float roughness : {0.0f, 0.1f, 0.3f, 0.5f, 0.75f, 1.0f}) {
-    std::vector<Case> whites = {{"plastic", Plastic(roughness)},
-                                {"metal", Metal(roughness)},
-                                {"glass from outside", Glass(roughness, false, false)},
-                                {"glass from inside", Glass(roughness, false, true)},
-                                {"thin glass", Glass(roughness, true, false)},
-                                {"coated plastic", Coated(Plastic(0.6f), roughness)},
-                                {"coated metal", Coated(Metal(0.6f), roughness)},
-                                {"cloth", Cloth(roughness)}};
+    std::vector<BsdfCase> whites = {{"plastic", Plastic(roughness)},
+                                    {"metal", Metal(roughness)},
+                                    {"glass from outside", Glass(roughness, false, false)},
+                                    {"glass from inside", Glass(roughness, false, true)},
+                                    {"thin glass", Glass(roughness, true, false)},
+                                    {"coated plastic", Coated(Plastic(0.6f), roughness)},
+                                    {"coated metal", Coated(Metal(0.6f), roughness)},
+                                    {"cloth", Cloth(roughness)}};
     SurfaceMaterial mixed = Metal(roughness);
     mixed.metallic = 0.4f;
     mixed.transmission = 0.7f;

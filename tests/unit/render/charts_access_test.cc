@@ -16,19 +16,19 @@
 namespace lumifold::render {
 namespace {
 
-constexpr int kWidth = 24;
-constexpr int kHeight = 18;
+constexpr int kChartWidth = 24;
+constexpr int kChartHeight = 18;
 
 TEST(TraceWithoutIndirect, ChangesIndirectLightOnly) {
   const std::unique_ptr<Renderer> renderer =
-      MakeRenderer(testing::SmallRoom(), SettingsOf(kWidth, kHeight, 4));
+      MakeRenderer(testing::SmallRoom(), SettingsOf(kChartWidth, kChartHeight, 4));
   const ChartsAccess access(*renderer);
   std::array<LayerSample, PathTracer::kPacket> whole;
   std::array<LayerSample, PathTracer::kPacket> without;
   std::array<std::optional<Surface>, PathTracer::kPacket> diffuse;
   int with_indirect = 0;
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
+  for (int y = 0; y < kChartHeight; ++y) {
+    for (int x = 0; x < kChartWidth; ++x) {
       ForEachCameraPacket(access.camera(), 0, 0, x, y, {0, 11}, [&](const CameraPacket& packet) {
         access.Trace(packet.rays(), packet.samplers(), whole);
         access.TraceWithoutIndirect(packet.rays(), packet.samplers(), without, diffuse);

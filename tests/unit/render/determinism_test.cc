@@ -19,25 +19,25 @@
 namespace lumifold::render {
 namespace {
 
-constexpr int kWidth = 40;
-constexpr int kHeight = 26;
-constexpr int kFrame = 3;
-constexpr SampleRange kSamples = {6, 10};
+constexpr int kPinnedWidth = 40;
+constexpr int kPinnedHeight = 26;
+constexpr int kPinnedFrame = 3;
+constexpr SampleRange kPinnedSamples = {6, 10};
 
 std::vector<Rect> Tiles(int size) {
   std::vector<Rect> tiles;
-  for (int y = 0; y < kHeight; y += size) {
-    for (int x = 0; x < kWidth; x += size) {
-      tiles.push_back({x, y, std::min(x + size, kWidth), std::min(y + size, kHeight)});
+  for (int y = 0; y < kPinnedHeight; y += size) {
+    for (int x = 0; x < kPinnedWidth; x += size) {
+      tiles.push_back({x, y, std::min(x + size, kPinnedWidth), std::min(y + size, kPinnedHeight)});
     }
   }
   return tiles;
 }
 
 /// The pass and geometry units of one frame, rendered by tiles and assembled.
-struct Frame {
-  LayeredImage pass{kWidth, kHeight};
-  LayeredImage geometry{kWidth, kHeight};
+struct RenderedFrame {
+  LayeredImage pass{kPinnedWidth, kPinnedHeight};
+  LayeredImage geometry{kPinnedWidth, kPinnedHeight};
 };
 
 void Paste(const LayeredImage& tile, const Rect& rect, LayeredImage* frame) {
@@ -47,16 +47,16 @@ void Paste(const LayeredImage& tile, const Rect& rect, LayeredImage* frame) {
   }
 }
 
-Frame RenderFrame(const Renderer& renderer, int tile_size, TaskPool& pool) {
+RenderedFrame RenderFrame(const Renderer& renderer, int tile_size, TaskPool& pool) {
   const std::vector<Rect> tiles = Tiles(tile_size);
   std::vector<LayeredImage> passes(tiles.size());
   std::vector<LayeredImage> geometries(tiles.size());
   pool.Run(static_cast<int64_t>(tiles.size()), [&](int64_t i) {
     RenderCounts counts;
-    passes[i] = renderer.RenderPass(tiles[i], kFrame, kSamples, &counts).pixels;
-    geometries[i] = renderer.RenderGeometry(tiles[i], kFrame).pixels;
+    passes[i] = renderer.RenderPass(tiles[i], kPinnedFrame, kPinnedSamples, &counts).pixels;
+    geometries[i] = renderer.RenderGeometry(tiles[i], kPinnedFrame).pixels;
   });
-  Frame frame;
+  RenderedFrame frame;
   for (size_t i = 0; i < tiles.size(); ++i) {
     Paste(passes[i], tiles[i], &frame.pass);
     Paste(geometries[i], tiles[i], &frame.geometry);
@@ -64,46 +64,46 @@ Frame RenderFrame(const Renderer& renderer, int tile_size, TaskPool& pool) {
   return frame;
 }
 
-void ExpectSameBits(const LayeredImage& a, const LayeredImage& b) {
+void ExpectSameChannels(const LayeredImage& a, const LayeredImage& b) {
   ASSERT_EQ(a.channels().size(), b.channels().size());
   for (const LayeredImage::Channel& channel : a.channels()) {
     const ConstFloatView other = b.Get(channel.name);
     for (int y = 0; y < a.height(); ++y) {
-      ASSERT_EQ(std::memcmp(channel.plane.Row(y), other.Row(y), sizeof(float) * kWidth), 0)
+      ASSERT_EQ(std::memcmp(channel.plane.Row(y), other.Row(y), sizeof(float) * kPinnedWidth), 0)
           << channel.name << " row " << y;
     }
   }
 }
 
 TEST(Determinism, IsIndependentOfTileSizeThreadsAndOrder) {
-  const auto renderer = MakeRenderer(testing::SmallRoom(), SettingsOf(kWidth, kHeight));
+  const auto renderer = MakeRenderer(testing::SmallRoom(), SettingsOf(kPinnedWidth, kPinnedHeight));
   const std::unique_ptr<TaskPool> alone = MakeTaskPool(1);
   const std::unique_ptr<TaskPool> four = MakeTaskPool(4);
   ShufflingPool shuffled(5);
-  const Frame expected = RenderFrame(*renderer, 64, *alone);
+  const RenderedFrame expected = RenderFrame(*renderer, 64, *alone);
   for (const int tile_size : {1, 7, 16, 64}) {
     for (TaskPool* pool : {four.get(), static_cast<TaskPool*>(&shuffled)}) {
-      const Frame frame = RenderFrame(*renderer, tile_size, *pool);
-      ExpectSameBits(frame.pass, expected.pass);
-      ExpectSameBits(frame.geometry, expected.geometry);
+      const RenderedFrame frame = RenderFrame(*renderer, tile_size, *pool);
+      ExpectSameChannels(frame.pass, expected.pass);
+      ExpectSameChannels(frame.geometry, expected.geometry);
     }
   }
 }
 
 TEST(Determinism, APassIsIndependentOfEarlierPasses) {
-  const auto used = MakeRenderer(testing::SmallRoom(), SettingsOf(kWidth, kHeight));
-  const auto fresh = MakeRenderer(testing::SmallRoom(), SettingsOf(kWidth, kHeight));
+  const auto used = MakeRenderer(testing::SmallRoom(), SettingsOf(kPinnedWidth, kPinnedHeight));
+  const auto fresh = MakeRenderer(testing::SmallRoom(), SettingsOf(kPinnedWidth, kPinnedHeight));
   const Rect rect = {8, 4, 24, 20};
   RenderCounts counts;
-  for (const SampleRange before : {SampleRange{0, 4}, SampleRange{10, 20}, kSamples})
-    used->RenderPass(rect, kFrame, before, &counts);
-  const LayeredImage late = used->RenderPass(rect, kFrame, kSamples, &counts).pixels;
-  const LayeredImage first = fresh->RenderPass(rect, kFrame, kSamples, &counts).pixels;
-  Frame a;
-  Frame b;
+  for (const SampleRange before : {SampleRange{0, 4}, SampleRange{10, 20}, kPinnedSamples})
+    used->RenderPass(rect, kPinnedFrame, before, &counts);
+  const LayeredImage late = used->RenderPass(rect, kPinnedFrame, kPinnedSamples, &counts).pixels;
+  const LayeredImage first = fresh->RenderPass(rect, kPinnedFrame, kPinnedSamples, &counts).pixels;
+  RenderedFrame a;
+  RenderedFrame b;
   Paste(late, rect, &a.pass);
   Paste(first, rect, &b.pass);
-  ExpectSameBits(a.pass, b.pass);
+  ExpectSameChannels(a.pass, b.pass);
 }
 
 /// FNV-1a over the bits of all channels.
@@ -123,9 +123,9 @@ TEST(Determinism, KeepsTheBitsOfItsNumericClass) {
   const std::map<std::string, uint64_t> expected = {
       {"lumifold-0.1.0/embree3-avx2-b5e4", 0x4971036c3dc96a80u},
       {"lumifold-0.1.0/embree4-avx2-b5e4", 0x4971036c3dc96a80u}};
-  const auto renderer = MakeRenderer(testing::SmallRoom(), SettingsOf(kWidth, kHeight));
+  const auto renderer = MakeRenderer(testing::SmallRoom(), SettingsOf(kPinnedWidth, kPinnedHeight));
   const std::unique_ptr<TaskPool> alone = MakeTaskPool(1);
-  const Frame frame = RenderFrame(*renderer, 64, *alone);
+  const RenderedFrame frame = RenderFrame(*renderer, 64, *alone);
   const uint64_t hash = HashOf(frame.pass) ^ HashOf(frame.geometry);
   const auto found = expected.find(NumericClass());
   if (found == expected.end())

@@ -21,7 +21,7 @@ using scene::Vec2;
 using scene::Vec3;
 using ::testing::HasSubstr;
 
-LayeredImage Picture(int width, int height, float value) {
+LayeredImage SkyPicture(int width, int height, float value) {
   LayeredImage picture(width, height);
   for (const FloatView& channel : picture.AddColor("")) {
     for (int y = 0; y < height; ++y) {
@@ -33,7 +33,7 @@ LayeredImage Picture(int width, int height, float value) {
 
 /// A dim picture with a strong gradient and a small bright sun on the upper right.
 LayeredImage SunnyPicture() {
-  LayeredImage picture = Picture(32, 16, 0.2f);
+  LayeredImage picture = SkyPicture(32, 16, 0.2f);
   const ColorView color = picture.GetColor("");
   for (int y = 0; y < 16; ++y) {
     for (int x = 0; x < 32; ++x) color[2].At(x, y) += 0.05f * static_cast<float>(x);
@@ -73,7 +73,7 @@ TEST(Environment, PictureHasTheDocumentedOrientation) {
   for (const Case& c : {Case{4, 2, 0, {1, 0, 0}}, Case{6, 2, 0, {0, 0, 1}}, Case{2, 2, 0, {0, 0, -1}},
                         Case{0, 2, 0, {-1, 0, 0}}, Case{4, 2, 90, {0, 0, -1}}, Case{4, 2, -90, {0, 0, 1}},
                         Case{4, 1, 0, {r, r, 0}}}) {
-    LayeredImage picture = Picture(8, 4, 0);
+    LayeredImage picture = SkyPicture(8, 4, 0);
     picture.Get("R").At(c.x, c.y) = 1;
     // Texture coordinates name a texel's upper left corner, half a texel from its centre.
     const auto environment = Make(picture, c.rotate);
@@ -83,7 +83,7 @@ TEST(Environment, PictureHasTheDocumentedOrientation) {
 }
 
 TEST(Environment, ScaleIsAFactor) {
-  EXPECT_FLOAT_EQ(Make(Picture(4, 2, 2), 0, 1.5f)->Radiance({0, 1, 0}).y, 3);
+  EXPECT_FLOAT_EQ(Make(SkyPicture(4, 2, 2), 0, 1.5f)->Radiance({0, 1, 0}).y, 3);
 }
 
 TEST(Environment, DensityIntegratesToOne) {
@@ -134,24 +134,24 @@ TEST(Environment, ImportanceSamplingAgreesWithUniformSampling) {
 }
 
 TEST(Environment, ConstantLightIsSampledUniformly) {
-  const auto environment = Make(Picture(64, 32, 1));
+  const auto environment = Make(SkyPicture(64, 32, 1));
   for (int i = 0; i < 64; ++i)
     EXPECT_NEAR(environment->Sample(GridPoint(i, 8)).pdf, 1 / (4 * M_PI), 1e-5) << i;
 }
 
 TEST(Environment, TreatsBadTexelsAsBlack) {
-  LayeredImage picture = Picture(4, 2, 1);
+  LayeredImage picture = SkyPicture(4, 2, 1);
   picture.Get("G").At(0, 0) = std::numeric_limits<float>::quiet_NaN();
   picture.Get("R").At(1, 0) = std::numeric_limits<float>::infinity();
   picture.Get("B").At(2, 0) = -1;
   const auto environment = Make(picture);
   EXPECT_EQ(environment->bad_texels(), 3);
   EXPECT_TRUE(std::isfinite(environment->Fluence()));
-  EXPECT_THAT(std::string(Environment::Create(Picture(4, 2, 0), 0, 1).status().message()),
+  EXPECT_THAT(std::string(Environment::Create(SkyPicture(4, 2, 0), 0, 1).status().message()),
               HasSubstr("black"));
   EXPECT_FALSE(Environment::Create(LayeredImage(4, 2), 0, 1).ok());
-  EXPECT_FALSE(Environment::Create(Picture(4, 2, 1), std::nanf(""), 1).ok());
-  EXPECT_FALSE(Environment::Create(Picture(4, 2, 1), 0, 0).ok());
+  EXPECT_FALSE(Environment::Create(SkyPicture(4, 2, 1), std::nanf(""), 1).ok());
+  EXPECT_FALSE(Environment::Create(SkyPicture(4, 2, 1), 0, 0).ok());
 }
 
 scene::Scene Ball(const scene::Material& material) {
@@ -164,7 +164,7 @@ scene::Scene Ball(const scene::Material& material) {
 
 TEST(Environment, WhiteBallIsInvisibleInWhiteLight) {
   RenderSettings settings = SettingsOf(16, 16);
-  settings.environment = Make(Picture(16, 8, 1));
+  settings.environment = Make(SkyPicture(16, 8, 1));
   const LayeredImage image =
       RenderAll(*MakeRenderer(Ball(testing::Lambert({1, 1, 1})), settings), 16, 16, 256);
   EXPECT_NEAR(MeanOf(image, layers::kNoisy), 1, 2e-3);
@@ -173,7 +173,7 @@ TEST(Environment, WhiteBallIsInvisibleInWhiteLight) {
 
 TEST(Environment, BackgroundIsEmission) {
   RenderSettings settings = SettingsOf(8, 8);
-  settings.environment = Make(Picture(16, 8, 2));
+  settings.environment = Make(SkyPicture(16, 8, 2));
   scene::Scene scene = Ball(testing::Lambert({1, 1, 1}));
   scene.cameras = {testing::LookAt({0, 0, 4}, {0, 0, 9}, 0.3f)};
   const auto renderer = MakeRenderer(scene, settings);

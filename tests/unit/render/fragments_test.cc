@@ -21,10 +21,10 @@
 namespace lumifold::render {
 namespace {
 
-constexpr int kWidth = 40;
-constexpr int kHeight = 26;
-constexpr Rect kFrame = {0, 0, kWidth, kHeight};
-constexpr SampleRange kSamples = {3, 11};
+constexpr int kListedWidth = 40;
+constexpr int kListedHeight = 26;
+constexpr Rect kListedFrame = {0, 0, kListedWidth, kListedHeight};
+constexpr SampleRange kListedSamples = {3, 11};
 
 /// A closed room with a mirror, a pane and a lamp.
 scene::Scene Room() {
@@ -37,7 +37,7 @@ scene::Scene Room() {
   return room;
 }
 
-EdgedImage PassOf(const Renderer& renderer, const Rect& rect, SampleRange samples = kSamples,
+EdgedImage PassOf(const Renderer& renderer, const Rect& rect, SampleRange samples = kListedSamples,
                   RenderCounts* counts = nullptr) {
   RenderCounts own;
   return renderer.RenderPass(rect, 0, samples, counts == nullptr ? &own : counts);
@@ -67,9 +67,9 @@ std::set<std::pair<float, float>> PixelsOf(const LayeredImage& list) {
 }
 
 TEST(Fragments, ThePixelsAreThoseOfTheEdgeSet) {
-  const auto renderer = MakeRenderer(Room(), SettingsOf(kWidth, kHeight));
-  const EdgedImage pass = PassOf(*renderer, kFrame);
-  const std::set<std::pair<float, float>> edges = PixelsOf(renderer->RenderGeometry(kFrame, 0).edges);
+  const auto renderer = MakeRenderer(Room(), SettingsOf(kListedWidth, kListedHeight));
+  const EdgedImage pass = PassOf(*renderer, kListedFrame);
+  const std::set<std::pair<float, float>> edges = PixelsOf(renderer->RenderGeometry(kListedFrame, 0).edges);
   ASSERT_GT(edges.size(), 50u);
   EXPECT_EQ(PixelsOf(pass.fragments), edges);
   EXPECT_GT(pass.fragments.height(), static_cast<int>(edges.size()) * 5 / 4);
@@ -82,8 +82,8 @@ TEST(Fragments, ThePixelsAreThoseOfTheEdgeSet) {
 }
 
 TEST(Fragments, AddUpToTheirPixel) {
-  const auto renderer = MakeRenderer(Room(), SettingsOf(kWidth, kHeight));
-  const EdgedImage pass = PassOf(*renderer, kFrame);
+  const auto renderer = MakeRenderer(Room(), SettingsOf(kListedWidth, kListedHeight));
+  const EdgedImage pass = PassOf(*renderer, kListedFrame);
   const LayeredImage& list = pass.fragments;
   for (const char* name : {"direct_a.R", "direct_b.G", "indirect_a.B", "glossy_a.R", "glossy_b.B", "albedo.G",
                            "emission.R", "glossy_albedo.G", "samples_a.Y", "samples_b.Y"}) {
@@ -100,18 +100,18 @@ TEST(Fragments, AddUpToTheirPixel) {
 }
 
 TEST(Fragments, AreTheSumsOfTheSamplesThatHitTheirSurface) {
-  const auto renderer = MakeRenderer(Room(), SettingsOf(kWidth, kHeight));
+  const auto renderer = MakeRenderer(Room(), SettingsOf(kListedWidth, kListedHeight));
   std::map<std::array<float, 3>, FragmentSums> expected;
-  ChartsAccess(*renderer).TraceSamples(kFrame, 0, kSamples, [&](const SampleRecord& sample) {
+  ChartsAccess(*renderer).TraceSamples(kListedFrame, 0, kListedSamples, [&](const SampleRecord& sample) {
     const GeometrySample& g = sample.geometry;
     const float surface =
         SurfaceKey(static_cast<float>(g.instance + 1), {g.normal.x, g.normal.y, g.normal.z}, g.distance);
-    const auto y = sample.pixel / kWidth;
-    const auto x = sample.pixel % kWidth;
+    const auto y = sample.pixel / kListedWidth;
+    const auto x = sample.pixel % kListedWidth;
     FragmentSums& sums = expected[{static_cast<float>(y), static_cast<float>(x), surface}];
     sums.Add(sample.layers, sample.index & 1);
   });
-  const LayeredImage list = PassOf(*renderer, kFrame).fragments;
+  const LayeredImage list = PassOf(*renderer, kListedFrame).fragments;
   ASSERT_GT(list.height(), 0);
   for (int row = 0; row < list.height(); ++row) {
     const auto get = [&](std::string_view name) { return list.Get(name).At(0, row); };
@@ -135,9 +135,9 @@ TEST(Fragments, AreTheSumsOfTheSamplesThatHitTheirSurface) {
 }
 
 TEST(Fragments, TheFirstHitOfASampleIsThatOfItsGeometry) {
-  const auto renderer = MakeRenderer(Room(), SettingsOf(kWidth, kHeight));
+  const auto renderer = MakeRenderer(Room(), SettingsOf(kListedWidth, kListedHeight));
   int hits = 0;
-  ChartsAccess(*renderer).TraceSamples(kFrame, 0, {0, 4}, [&](const SampleRecord& sample) {
+  ChartsAccess(*renderer).TraceSamples(kListedFrame, 0, {0, 4}, [&](const SampleRecord& sample) {
     const FirstHit& first = sample.layers.first;
     ASSERT_EQ(first.instance, sample.geometry.instance);
     ASSERT_EQ(first.normal, sample.geometry.normal);
@@ -145,7 +145,7 @@ TEST(Fragments, TheFirstHitOfASampleIsThatOfItsGeometry) {
     ASSERT_EQ(first.roughness, sample.geometry.roughness);
     hits += sample.geometry.hit ? 1 : 0;
   });
-  EXPECT_EQ(hits, 4 * kWidth * kHeight);
+  EXPECT_EQ(hits, 4 * kListedWidth * kListedHeight);
 }
 
 TEST(Fragments, SamplesThatHitNothingAreInNone) {
@@ -200,36 +200,37 @@ TEST(Fragments, FurtherSurfacesBelongToTheLastOne) {
 }
 
 TEST(Fragments, HaveTheLayersOfThePlan) {
-  RenderSettings settings = SettingsOf(kWidth, kHeight);
+  RenderSettings settings = SettingsOf(kListedWidth, kListedHeight);
   settings.plan.layers.indirect = false;
-  const LayeredImage list = PassOf(*MakeRenderer(Room(), settings), kFrame).fragments;
+  const LayeredImage list = PassOf(*MakeRenderer(Room(), settings), kListedFrame).fragments;
   EXPECT_TRUE(list.Has("direct_b.B"));
   EXPECT_TRUE(list.Has("albedo.R"));
   EXPECT_FALSE(list.Has("indirect_a.R"));
-  const LayeredImage all = PassOf(*MakeRenderer(Room(), SettingsOf(kWidth, kHeight)), kFrame).fragments;
+  const LayeredImage all =
+      PassOf(*MakeRenderer(Room(), SettingsOf(kListedWidth, kListedHeight)), kListedFrame).fragments;
   for (int row = 0; row < list.height(); ++row)
     ASSERT_EQ(list.Get("direct_b.B").At(0, row), all.Get("direct_b.B").At(0, row));
   settings.plan.layers.glossy = false;
-  const LayeredImage diffuse = PassOf(*MakeRenderer(Room(), settings), kFrame).fragments;
+  const LayeredImage diffuse = PassOf(*MakeRenderer(Room(), settings), kListedFrame).fragments;
   for (const char* name : {"glossy_a.R", "glossy_albedo.G", "roughness.Y"}) {
     EXPECT_TRUE(list.Has(name)) << name;
     EXPECT_FALSE(diffuse.Has(name)) << name;
   }
   settings.plan.layers.direct = false;
-  EXPECT_TRUE(PassOf(*MakeRenderer(Room(), settings), kFrame).fragments.channels().empty());
+  EXPECT_TRUE(PassOf(*MakeRenderer(Room(), settings), kListedFrame).fragments.channels().empty());
 }
 
 TEST(Fragments, AreIndependentOfTilesThreadsOrderAndOfWhatWasRenderedBefore) {
-  const std::vector<Fragment> expected =
-      FragmentsOf(PassOf(*MakeRenderer(Room(), SettingsOf(kWidth, kHeight)), kFrame).fragments);
+  const std::vector<Fragment> expected = FragmentsOf(
+      PassOf(*MakeRenderer(Room(), SettingsOf(kListedWidth, kListedHeight)), kListedFrame).fragments);
   const std::unique_ptr<TaskPool> four = MakeTaskPool(4);
   ShufflingPool shuffled(5);
-  const auto used = MakeRenderer(Room(), SettingsOf(kWidth, kHeight));
+  const auto used = MakeRenderer(Room(), SettingsOf(kListedWidth, kListedHeight));
   for (const int size : {1, 7, 16}) {
     std::vector<Rect> tiles;
-    for (int y = 0; y < kHeight; y += size) {
-      for (int x = 0; x < kWidth; x += size)
-        tiles.push_back({x, y, std::min(x + size, kWidth), std::min(y + size, kHeight)});
+    for (int y = 0; y < kListedHeight; y += size) {
+      for (int x = 0; x < kListedWidth; x += size)
+        tiles.push_back({x, y, std::min(x + size, kListedWidth), std::min(y + size, kListedHeight)});
     }
     for (TaskPool* pool : {four.get(), static_cast<TaskPool*>(&shuffled)}) {
       std::vector<LayeredImage> lists(tiles.size());
@@ -247,9 +248,9 @@ TEST(Fragments, AreIndependentOfTilesThreadsOrderAndOfWhatWasRenderedBefore) {
 }
 
 TEST(Fragments, TheRaysThatFindEdgesAreNotCounted) {
-  const auto renderer = MakeRenderer(Room(), SettingsOf(kWidth, kHeight));
+  const auto renderer = MakeRenderer(Room(), SettingsOf(kListedWidth, kListedHeight));
   std::array<RenderCounts, 2> counts;
-  for (RenderCounts& count : counts) PassOf(*renderer, kFrame, kSamples, &count);
+  for (RenderCounts& count : counts) PassOf(*renderer, kListedFrame, kListedSamples, &count);
   EXPECT_EQ(counts[0].rays, counts[1].rays) << "the second pass remembers the edge pixels";
 }
 
@@ -269,13 +270,13 @@ TEST(EdgeMask, TheCacheForgetsTheOldest) {
 }
 
 TEST(EdgeMask, AStoppedUnitIsNotRemembered) {
-  const auto renderer = MakeRenderer(Room(), SettingsOf(kWidth, kHeight));
+  const auto renderer = MakeRenderer(Room(), SettingsOf(kListedWidth, kListedHeight));
   const std::atomic<bool> stop = true;
   RenderCounts stopped;
   stopped.stop = &stop;
-  PassOf(*renderer, kFrame, kSamples, &stopped);
-  renderer->RenderGeometry(kFrame, 0, &stop);
-  EXPECT_GT(PassOf(*renderer, kFrame).fragments.height(), 0);
+  PassOf(*renderer, kListedFrame, kListedSamples, &stopped);
+  renderer->RenderGeometry(kListedFrame, 0, &stop);
+  EXPECT_GT(PassOf(*renderer, kListedFrame).fragments.height(), 0);
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 
 #include "filter/image/layers.h"
 #include "tests/support/analytic_scenes.h"
+#include "tests/unit/render/levels.h"
 #include "tests/unit/render/pictures.h"
 #include "worker/render/edge_set.h"
 #include "worker/render/renderer.h"
@@ -19,15 +20,8 @@
 namespace lumifold::render {
 namespace {
 
-using layers::Branch;
-using layers::Level;
 using layers::OfLevel;
 using scene::Material;
-
-constexpr Level kReflection1 = {Branch::kReflection, 1};
-constexpr Level kReflection2 = {Branch::kReflection, 2};
-constexpr Level kTransmission1 = {Branch::kTransmission, 1};
-constexpr Level kTransmission2 = {Branch::kTransmission, 2};
 
 Material Mirror() {
   Material mirror;

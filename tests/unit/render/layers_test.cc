@@ -9,22 +9,15 @@
 #include "filter/image/layers.h"
 #include "tests/charts/access/charts_access.h"
 #include "tests/support/analytic_scenes.h"
+#include "tests/unit/render/levels.h"
 #include "tests/unit/render/pictures.h"
 #include "worker/render/renderer.h"
 
 namespace lumifold::render {
 namespace {
 
-using layers::Branch;
-using layers::Level;
 using scene::Material;
 using scene::Vec3;
-
-constexpr Level kReflection1 = {Branch::kReflection, 1};
-constexpr Level kReflection2 = {Branch::kReflection, 2};
-constexpr Level kReflection3 = {Branch::kReflection, 3};
-constexpr Level kTransmission1 = {Branch::kTransmission, 1};
-constexpr Level kTransmission2 = {Branch::kTransmission, 2};
 
 Material Mirror(float reflectance) {
   Material mirror;

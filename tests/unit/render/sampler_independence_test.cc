@@ -11,15 +11,15 @@ namespace {
 
 using scene::Vec2;
 
-constexpr uint64_t kSeed = 11;
-constexpr int kPixels = 4000;
-constexpr uint32_t kSamples = 8;  // of each half
+constexpr uint64_t kHalvesSeed = 11;
+constexpr int kHalvesPixels = 4000;
+constexpr uint32_t kHalfSamples = 8;  // of each half
 
 /// The error of one half's estimate of the integral of x * y by one dimension pair.
 double ErrorOf(int64_t pixel, uint32_t half, uint32_t pair, int frame = 0) {
   double sum = 0;
-  for (uint32_t i = 0; i < kSamples; ++i) {
-    const Vec2 p = Sampler(kSeed, frame, pixel, 2 * i + half).Get2D(pair);
+  for (uint32_t i = 0; i < kHalfSamples; ++i) {
+    const Vec2 p = Sampler(kHalvesSeed, frame, pixel, 2 * i + half).Get2D(pair);
     sum += static_cast<double>(p.x * p.y) - 0.25;
   }
   return sum;
@@ -31,7 +31,7 @@ double Correlation(const First& first, const Second& second) {
   double product = 0;
   double first2 = 0;
   double second2 = 0;
-  for (int64_t pixel = 0; pixel < kPixels; ++pixel) {
+  for (int64_t pixel = 0; pixel < kHalvesPixels; ++pixel) {
     const double a = first(pixel);
     const double b = second(pixel);
     product += a * b;
@@ -41,7 +41,7 @@ double Correlation(const First& first, const Second& second) {
   return product / std::sqrt(first2 * second2);
 }
 
-const double kMaxCorrelation = 4 / std::sqrt(static_cast<double>(kPixels));  // four standard deviations
+const double kMaxCorrelation = 4 / std::sqrt(static_cast<double>(kHalvesPixels));  // four standard deviations
 
 TEST(SamplerIndependence, PairsOfDimensionsOfOneHalf) {
   for (uint32_t half = 0; half < 2; ++half) {
@@ -76,15 +76,15 @@ TEST(SamplerIndependence, TwoPairsTogetherAreUniformInFourDimensions) {
   // Two pairs give points of four dimensions: over many pixels each of the 2^4 cells gets an equal number.
   for (uint32_t half = 0; half < 2; ++half) {
     std::array<int, 16> cells = {};
-    for (int64_t pixel = 0; pixel < kPixels; ++pixel) {
-      for (uint32_t i = 0; i < kSamples; ++i) {
-        const Sampler sampler(kSeed, 0, pixel, 2 * i + half);
+    for (int64_t pixel = 0; pixel < kHalvesPixels; ++pixel) {
+      for (uint32_t i = 0; i < kHalfSamples; ++i) {
+        const Sampler sampler(kHalvesSeed, 0, pixel, 2 * i + half);
         const Vec2 a = sampler.Get2D(3);
         const Vec2 b = sampler.Get2D(4);
         ++cells[(a.x < 0.5f) + 2 * (a.y < 0.5f) + 4 * (b.x < 0.5f) + 8 * (b.y < 0.5f)];
       }
     }
-    const double expected = kPixels * kSamples / 16.0;
+    const double expected = kHalvesPixels * kHalfSamples / 16.0;
     for (const int count : cells) EXPECT_NEAR(count, expected, 4 * std::sqrt(expected));
   }
 }

@@ -9,14 +9,14 @@
 namespace lumifold::render {
 namespace {
 
-constexpr uint64_t kSeed = 7;
+constexpr uint64_t kSequenceSeed = 7;
 
 /// Whether each cell of a columns x rows grid contains exactly one of `count` points of one half.
 bool FillsGrid(uint32_t half, int64_t pixel, uint32_t pair, int columns, int rows) {
   std::set<std::pair<int, int>> cells;
   const uint32_t count = static_cast<uint32_t>(columns * rows);
   for (uint32_t i = 0; i < count; ++i) {
-    const scene::Vec2 p = Sampler(kSeed, 0, pixel, 2 * i + half).Get2D(pair);
+    const scene::Vec2 p = Sampler(kSequenceSeed, 0, pixel, 2 * i + half).Get2D(pair);
     cells.insert({static_cast<int>(p.x * static_cast<float>(columns)),
                   static_cast<int>(p.y * static_cast<float>(rows))});
   }
@@ -44,7 +44,7 @@ TEST(Sampler, HalvesAreIndependent) {
   for (int64_t pixel = 0; pixel < kPixels; ++pixel) {
     double sum[2] = {0, 0};
     for (uint32_t i = 0; i < 2 * kSamples; ++i) {
-      const scene::Vec2 p = Sampler(kSeed, 0, pixel, i).Get2D(3);
+      const scene::Vec2 p = Sampler(kSequenceSeed, 0, pixel, i).Get2D(3);
       sum[i & 1] += static_cast<double>(p.x * p.y) - 0.25;
     }
     covariance += sum[0] * sum[1];
@@ -60,7 +60,7 @@ TEST(Sampler, ConvergesFasterThanRandomNumbers) {
   for (int64_t pixel = 0; pixel < kPixels; ++pixel) {
     double sum = 0;
     for (uint32_t i = 0; i < kSamples; ++i) {
-      const scene::Vec2 p = Sampler(kSeed, 0, pixel, 2 * i).Get2D(5);
+      const scene::Vec2 p = Sampler(kSequenceSeed, 0, pixel, 2 * i).Get2D(5);
       sum += static_cast<double>(p.x * p.y);
     }
     const double error = sum / kSamples - 0.25;
@@ -72,10 +72,10 @@ TEST(Sampler, ConvergesFasterThanRandomNumbers) {
 
 TEST(SamplerPacket, EqualsSeparateSamplers) {
   for (const uint32_t first : {0u, 5u, 1u << 20}) {
-    const SamplerPacket packet(kSeed, 3, 77, first);
+    const SamplerPacket packet(kSequenceSeed, 3, 77, first);
     for (uint32_t i = 0; i < DrawnPairs::kSamples; ++i) {
       const Sampler& together = packet.samplers()[i];
-      const Sampler alone(kSeed, 3, 77, first + i);
+      const Sampler alone(kSequenceSeed, 3, 77, first + i);
       for (uint32_t pair = 0; pair < DrawnPairs::kPairs + 3; ++pair) {
         EXPECT_EQ(together.Get2D(pair).x, alone.Get2D(pair).x) << first << " + " << i << " pair " << pair;
         EXPECT_EQ(together.Get2D(pair).y, alone.Get2D(pair).y) << first << " + " << i << " pair " << pair;

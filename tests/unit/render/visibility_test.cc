@@ -18,7 +18,7 @@ using scene::Material;
 using scene::Scene;
 using scene::Vec3;
 
-constexpr int kSize = 32;
+constexpr int kWallSize = 32;
 
 Material Black(AlphaMode mode, float alpha) {
   Material material = testing::Lambert({0, 0, 0});
@@ -58,7 +58,8 @@ double SeenThrough(const Material& material, Scene scene, int layers) {
   camera.kind = scene::Camera::Kind::kOrthographic;
   camera.ymag = camera.xmag = 0.9f;
   scene.cameras = {camera};
-  return MeanOf(RenderAll(*MakeRenderer(scene, SettingsOf(kSize, kSize)), kSize, kSize, 64), layers::kNoisy);
+  return MeanOf(RenderAll(*MakeRenderer(scene, SettingsOf(kWallSize, kWallSize)), kWallSize, kWallSize, 64),
+                layers::kNoisy);
 }
 
 TEST(Alpha, MasksHaveHoles) {
@@ -93,7 +94,7 @@ double SunThrough(const Material& material, Scene scene, int layers) {
   sun.world_from_light = testing::LookAt({0, 10, 0}, {0, 0, 0}, 1).world_from_camera;
   scene.lights = {sun};
   scene.cameras = {testing::LookAt({0, 1, 0}, {0, 0, 0}, 0.8f)};
-  return MeanOf(RenderAll(*MakeRenderer(scene, SettingsOf(kSize, kSize, 0)), kSize, kSize, 4),
+  return MeanOf(RenderAll(*MakeRenderer(scene, SettingsOf(kWallSize, kWallSize, 0)), kWallSize, kWallSize, 4),
                 layers::kDirect);
 }
 
@@ -133,8 +134,8 @@ struct Floor {
     scene.cameras = {testing::LookAt({0, 0.9f, 2.5f}, {0, 0, 0}, 0.7f)};
   }
   double Mean(LightStrategy strategy, uint32_t spp) const {
-    const auto renderer = MakeRenderer(scene, SettingsOf(kSize, kSize, 4), strategy);
-    return MeanOf(RenderAll(*renderer, kSize, kSize, spp), layers::kNoisy);
+    const auto renderer = MakeRenderer(scene, SettingsOf(kWallSize, kWallSize, 4), strategy);
+    return MeanOf(RenderAll(*renderer, kWallSize, kWallSize, spp), layers::kNoisy);
   }
   void ExpectStrategiesAgree() const {
     const double sampled = Mean(LightStrategy::kLightSamples, 256);

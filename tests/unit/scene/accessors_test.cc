@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "tests/support/gltf_fixture.h"
+#include "tests/unit/scene/load.h"
 
 namespace lumifold::scene {
 namespace {
@@ -24,13 +25,6 @@ Mesh OnlyMesh(const GltfFixture& fixture) {
     return {};
   }
   return scene->meshes[0];
-}
-
-std::string ErrorOf(const GltfFixture& fixture) {
-  const auto scene = fixture.Load();
-  EXPECT_FALSE(scene.ok());
-  EXPECT_EQ(scene.status().code(), absl::StatusCode::kInvalidArgument);
-  return std::string(scene.status().message());
 }
 
 TEST(Accessors, ReadInterleavedAttributes) {

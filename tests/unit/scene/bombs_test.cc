@@ -18,7 +18,7 @@ namespace {
 
 using testing::HasSubstr;
 
-const int64_t kMaxPixels = LoadLimits().max_texture_pixels;
+const int64_t kMostPixels = LoadLimits().max_texture_pixels;
 
 std::string BigEndian(uint32_t value) {
   std::string bytes;
@@ -63,7 +63,7 @@ std::string ErrorOfTexture(const std::string& picture) {
 TEST(Bombs, PngOfTenThousandMegapixels) {
   const std::string bomb = Png(100'000, 100'000, std::string(1 << 20, '\0'));
   const int64_t before = PeakMemoryBytes();
-  EXPECT_EQ(DecodeImage(bomb, kMaxPixels).status(),
+  EXPECT_EQ(DecodeImage(bomb, kMostPixels).status(),
             absl::ResourceExhaustedError("100000x100000 pixels are over the limit of 2147483648"));
   EXPECT_LT(PeakMemoryBytes() - before, kRefusalBytes);
 }
@@ -73,7 +73,7 @@ TEST(Bombs, PngWhosePixelsAreMoreThanItsHeaderSays) {
   const std::string bomb = Png(1, 1, std::string(size_t{256} << 20, '\0'));
   ASSERT_LT(bomb.size(), size_t{300'000});
   const int64_t before = PeakMemoryBytes();
-  const absl::StatusOr<ImageData> image = DecodeImage(bomb, kMaxPixels);
+  const absl::StatusOr<ImageData> image = DecodeImage(bomb, kMostPixels);
   EXPECT_LT(PeakMemoryBytes() - before, kRefusalBytes);
   if (image.ok()) {
     EXPECT_EQ(image->rgba.size(), 4u);
@@ -86,7 +86,7 @@ TEST(Bombs, JpegOfFourThousandMegapixels) {
   ASSERT_NE(frame, std::string::npos);
   bomb.replace(frame + 5, 4, "\xff\xdc\xff\xdc");  // 65500x65500, the most that libjpeg takes
   const int64_t before = PeakMemoryBytes();
-  EXPECT_EQ(DecodeImage(bomb, kMaxPixels).status(),
+  EXPECT_EQ(DecodeImage(bomb, kMostPixels).status(),
             absl::ResourceExhaustedError("65500x65500 pixels are over the limit of 2147483648"));
   EXPECT_LT(PeakMemoryBytes() - before, kRefusalBytes);
 }

@@ -20,10 +20,6 @@ using testing::IsEmpty;
 using testing::Not;
 using testing::StartsWith;
 
-absl::StatusOr<std::string> NoFiles(const std::string& uri) {
-  return absl::NotFoundError(uri + " does not exist");
-}
-
 GltfFixture OneTriangle() {
   GltfFixture fixture;
   fixture.AddTriangles(kTriangle);

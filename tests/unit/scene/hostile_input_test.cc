@@ -15,10 +15,6 @@ namespace {
 
 using testing::HasSubstr;
 
-absl::StatusOr<std::string> NoFiles(const std::string& uri) {
-  return absl::NotFoundError(uri + " does not exist");
-}
-
 /// Counts loaded and refused documents: a test with only one kind would be too weak.
 struct Outcomes {
   int loaded = 0;
@@ -86,13 +82,13 @@ bool IsDigit(char c) { return c >= '0' && c <= '9'; }
 
 /// Loads `fixture` with each number of its JSON replaced by each of several others.
 void ChangeNumbers(const GltfFixture& fixture, Outcomes* outcomes) {
-  const std::string json = fixture.FullJson().dump();
-  for (size_t i = 1; i < json.size(); ++i) {
-    if (!IsDigit(json[i]) || IsDigit(json[i - 1])) continue;
+  const std::string text = fixture.FullJson().dump();
+  for (size_t i = 1; i < text.size(); ++i) {
+    if (!IsDigit(text[i]) || IsDigit(text[i - 1])) continue;
     size_t end = i;
-    while (IsDigit(json[end])) ++end;
+    while (IsDigit(text[end])) ++end;
     for (const char* number : {"-1", "9", "99", "1e9", "1e39", "0.5", "null", "[]", "{}", "\"\""}) {
-      std::string damaged = json;
+      std::string damaged = text;
       damaged.replace(i, end - i, number);
       outcomes->Add(MakeGlb(damaged, fixture.binary));
     }
@@ -109,12 +105,12 @@ TEST(HostileInput, ChangedNumbersAreHandled) {
   EXPECT_GT(outcomes.refused, 500);
 }
 
-absl::Status ErrorOf(const GltfFixture& fixture) { return fixture.Load().status(); }
+absl::Status StatusOf(const GltfFixture& fixture) { return fixture.Load().status(); }
 
 TEST(HostileInput, RefusesNodesThatAreTheirOwnJoints) {
   GltfFixture fixture = SkinnedDocument();
   fixture.json["nodes"][1]["children"] = {2};  // the upper joint becomes the parent of its own parent
-  EXPECT_EQ(ErrorOf(fixture).code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(StatusOf(fixture).code(), absl::StatusCode::kInvalidArgument);
 }
 
 TEST(HostileInput, SpendsNoTimeOnTargetsOfWeightZero) {
@@ -145,7 +141,7 @@ TEST(HostileInput, RefusesDracoDataThatClaimsMoreThanItsBytesCanHold) {
   GltfFixture fixture = DracoDocument(false);
   const size_t faces = fixture.binary.find("DRACO") + 11;
   fixture.binary.replace(faces, 1, "\xff\xff\xff\x7f");  // a larger count of the same length
-  const absl::Status status = ErrorOf(fixture);
+  const absl::Status status = StatusOf(fixture);
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(status.message()), HasSubstr("claims 268435455 triangles, but has only"));
 }

@@ -25,6 +25,7 @@ inline Scene MustLoad(const GltfFixture& fixture) { return At(LoadOptions{}.time
 inline std::string ErrorOf(const GltfFixture& fixture) {
   const auto scene = fixture.Load();
   EXPECT_FALSE(scene.ok());
+  EXPECT_EQ(scene.status().code(), absl::StatusCode::kInvalidArgument);
   return std::string(scene.status().message());
 }
 

@@ -86,7 +86,8 @@ class SlowFinisher final : public FrameFinisher {
 
 class FramesInFlightTest : public CoordinatorFixture {};
 
-TEST_F(FramesInFlightTest, SixThousandFramesEndWellWithFewDescriptors) {
+TEST_F(FramesInFlightTest, ManyMoreFramesThanDescriptorsEndWell) {
+  constexpr int kFrames = 1500;
   rlimit before = {};
   ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &before), 0);
   const rlimit low = {256, before.rlim_max};
@@ -100,17 +101,17 @@ TEST_F(FramesInFlightTest, SixThousandFramesEndWellWithFewDescriptors) {
   options_.max_open_logs = MaxOpenLogs();
   ASSERT_TRUE(Start().ok());
   v1::JobSpec spec = Spec();
-  spec.set_frame_count(6000);
+  spec.set_frame_count(kFrames);
   const job::JobId job = Submit(spec);
   PumpedWorker worker(coordinator_.get(), 64);
   // The finisher waits: only as many frames are begun as may be in flight.
   while (worker.Deliver() > 0 || worker.acknowledged().size() < worker.leased().size())
     absl::SleepFor(absl::Milliseconds(1));
   EXPECT_LE(worker.leased().size(), 2 * options_.max_open_logs);
-  finisher->Allow(6000);
+  finisher->Allow(kFrames);
   const v1::JobStatus status = Finish(job, &worker);
   EXPECT_EQ(status.state(), v1::JOB_STATE_DONE) << status.error();
-  EXPECT_EQ(status.frames_done(), 6000);
+  EXPECT_EQ(status.frames_done(), kFrames);
   setrlimit(RLIMIT_NOFILE, &before);
 }
 

@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-v1::AssetRef Asset(const std::string& content) {
+v1::AssetRef StoredAsset(const std::string& content) {
   v1::AssetRef asset;
   asset.set_uri(content);
   asset.set_size(content.size());
@@ -45,9 +45,9 @@ class AssetFolderTest : public ::testing::Test {
 };
 
 TEST_F(AssetFolderTest, AnotherWorkerFetchesNothing) {
-  EXPECT_EQ(*Open().Fetch("j-1", Asset("oak")), "oak");
+  EXPECT_EQ(*Open().Fetch("j-1", StoredAsset("oak")), "oak");
   AssetFolder other = Open();
-  EXPECT_EQ(*other.Fetch("j-2", Asset("oak")), "oak");
+  EXPECT_EQ(*other.Fetch("j-2", StoredAsset("oak")), "oak");
   EXPECT_EQ(other.hits(), 1);
   EXPECT_THAT(source_.fetched, ElementsAre("oak"));
 }
@@ -56,28 +56,28 @@ TEST_F(AssetFolderTest, WhatIsNotTheAssetIsFetchedAgain) {
   for (const char* wrong : {"elm", "oa", "oak and more", ""}) {
     std::ofstream(PathOf("oak")) << wrong;
     source_.fetched.clear();
-    EXPECT_EQ(*Open().Fetch("j", Asset("oak")), "oak");
+    EXPECT_EQ(*Open().Fetch("j", StoredAsset("oak")), "oak");
     EXPECT_THAT(source_.fetched, ElementsAre("oak"));
     EXPECT_EQ(fs::file_size(PathOf("oak")), 3u);
   }
 }
 
 TEST_F(AssetFolderTest, ErrorsAreNotKept) {
-  EXPECT_EQ(Open().Fetch("j", Asset("missing")).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(Open().Fetch("j", StoredAsset("missing")).status().code(), absl::StatusCode::kNotFound);
   EXPECT_TRUE(fs::is_empty(temp_.path()));
 }
 
 TEST_F(AssetFolderTest, TheLeastRecentlyUsedGo) {
   AssetFolder folder = Open(10);
-  for (const char* content : {"oak", "elm", "fir"}) EXPECT_TRUE(folder.Fetch("j", Asset(content)).ok());
+  for (const char* content : {"oak", "elm", "fir"}) EXPECT_TRUE(folder.Fetch("j", StoredAsset(content)).ok());
   Age(PathOf("oak"), std::chrono::minutes(3));
   Age(PathOf("elm"), std::chrono::minutes(2));
-  EXPECT_TRUE(folder.Fetch("j", Asset("oak")).ok());  // used now
-  EXPECT_TRUE(folder.Fetch("j", Asset("pine")).ok());
+  EXPECT_TRUE(folder.Fetch("j", StoredAsset("oak")).ok());  // used now
+  EXPECT_TRUE(folder.Fetch("j", StoredAsset("pine")).ok());
   EXPECT_TRUE(fs::exists(PathOf("oak")));
   EXPECT_FALSE(fs::exists(PathOf("elm")));
   EXPECT_TRUE(fs::exists(PathOf("pine")));
-  EXPECT_TRUE(folder.Fetch("j", Asset("larger than all of it")).ok());
+  EXPECT_TRUE(folder.Fetch("j", StoredAsset("larger than all of it")).ok());
   EXPECT_FALSE(fs::exists(PathOf("larger than all of it")));
 }
 
@@ -88,7 +88,7 @@ TEST_F(AssetFolderTest, RemovesWhatInterruptedWritesLeftAndNothingElse) {
   for (const std::string& path : {old, recent, foreign}) std::ofstream(path) << "x";
   Age(old, std::chrono::hours(2));
   Age(foreign, std::chrono::hours(2));
-  EXPECT_TRUE(Open(3).Fetch("j", Asset("elm")).ok());
+  EXPECT_TRUE(Open(3).Fetch("j", StoredAsset("elm")).ok());
   EXPECT_FALSE(fs::exists(old));
   EXPECT_TRUE(fs::exists(recent));
   EXPECT_TRUE(fs::exists(foreign));
@@ -96,8 +96,8 @@ TEST_F(AssetFolderTest, RemovesWhatInterruptedWritesLeftAndNothingElse) {
 
 TEST_F(AssetFolderTest, AFolderThatCannotBeWrittenCostsTheKeepingOnly) {
   AssetFolder folder(&source_, {.path = temp_.PathOf("none")});
-  EXPECT_EQ(*folder.Fetch("j", Asset("oak")), "oak");
-  EXPECT_EQ(*folder.Fetch("j", Asset("oak")), "oak");
+  EXPECT_EQ(*folder.Fetch("j", StoredAsset("oak")), "oak");
+  EXPECT_EQ(*folder.Fetch("j", StoredAsset("oak")), "oak");
   EXPECT_THAT(source_.fetched, ElementsAre("oak", "oak"));
 }
 

@@ -43,7 +43,7 @@ std::string ShiningSquare(bool animated, int unknown_extensions = 0) {
   return gltf.Glb();
 }
 
-v1::JobSpec Spec(double frames_per_second) {
+v1::JobSpec SpecAt(double frames_per_second) {
   v1::JobSpec spec;
   spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   spec.set_width(kSize);
@@ -81,18 +81,18 @@ double Coverage(UnitRenderer& renderer, const v1::JobSpec& spec, int frame) {
 TEST(UnitRenderer, AFrameShowsTheSceneAtItsTime) {
   FakeAssets assets{ShiningSquare(true)};
   UnitRenderer renderer(&assets);
-  EXPECT_EQ(Coverage(renderer, Spec(4), 0), 1);
-  EXPECT_EQ(Coverage(renderer, Spec(4), 1), 0.75);  // 0.25 s: a quarter of the way
-  EXPECT_EQ(Coverage(renderer, Spec(4), 3), 0.25);
-  EXPECT_EQ(Coverage(renderer, Spec(4), 4), 0);
-  EXPECT_EQ(Coverage(renderer, Spec(4), 400), 0);  // the position of the last keyframe
+  EXPECT_EQ(Coverage(renderer, SpecAt(4), 0), 1);
+  EXPECT_EQ(Coverage(renderer, SpecAt(4), 1), 0.75);  // 0.25 s: a quarter of the way
+  EXPECT_EQ(Coverage(renderer, SpecAt(4), 3), 0.25);
+  EXPECT_EQ(Coverage(renderer, SpecAt(4), 4), 0);
+  EXPECT_EQ(Coverage(renderer, SpecAt(4), 400), 0);  // the position of the last keyframe
 }
 
 TEST(UnitRenderer, FramesOfAnAnimationShareTheEnvironment) {
   // A Radiance file of one pixel, (1, 1, 1).
   FakeAssets assets{ShiningSquare(true), "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n\x80\x80\x80\x81"};
   UnitRenderer renderer(&assets);
-  v1::JobSpec spec = Spec(4);
+  v1::JobSpec spec = SpecAt(4);
   spec.mutable_environment()->set_uri("environment:sky.hdr");
   spec.mutable_environment()->set_scale(1);
   *spec.mutable_scene()->add_dependencies() = [] {
@@ -108,7 +108,7 @@ TEST(UnitRenderer, FramesOfAnAnimationShareTheEnvironment) {
 TEST(UnitRenderer, APlanUnitLeavesItsSceneToTheNextUnit) {
   FakeAssets assets{ShiningSquare(false)};
   UnitRenderer renderer(&assets);
-  v1::JobSpec spec = Spec(0);
+  v1::JobSpec spec = SpecAt(0);
   spec.mutable_planning()->set_mode(v1::PLAN_MODE_AUTO);
   spec.set_samples_per_pixel(2);
   v1::Lease lease = LeaseOf(0);
@@ -131,7 +131,7 @@ TEST(UnitRenderer, APlanUnitLeavesItsSceneToTheNextUnit) {
 TEST(UnitRenderer, ObeysThePlanOfTheJob) {
   FakeAssets assets{ShiningSquare(false)};
   UnitRenderer renderer(&assets);
-  v1::JobSpec spec = Spec(0);
+  v1::JobSpec spec = SpecAt(0);
   v1::PlanDecision* direct = spec.mutable_plan()->add_decisions();
   direct->set_name("direct");
   direct->set_value(0);
@@ -145,25 +145,25 @@ TEST(UnitRenderer, ObeysThePlanOfTheJob) {
 TEST(UnitRenderer, AJobWithoutASpeedStandsStill) {
   FakeAssets assets{ShiningSquare(true)};
   UnitRenderer renderer(&assets);
-  EXPECT_EQ(Coverage(renderer, Spec(0), 3), 1);
+  EXPECT_EQ(Coverage(renderer, SpecAt(0), 3), 1);
 }
 
 TEST(UnitRenderer, AMovingSceneIsLoadedOnceAFrame) {
   FakeAssets assets{ShiningSquare(true)};
   UnitRenderer renderer(&assets);
   for (const int frame : {0, 0, 1, 0, 1, 2, 1, 2})
-    Coverage(renderer, Spec(4), frame);  // units of two frames alternate at the end of a frame
+    Coverage(renderer, SpecAt(4), frame);  // units of two frames alternate at the end of a frame
   EXPECT_EQ(assets.fetches(), 3);
   EXPECT_EQ(renderer.loads().scenes, 3);
   EXPECT_GT(renderer.loads().time, absl::ZeroDuration());
-  Coverage(renderer, Spec(4), 0);  // the least recently used scene was unloaded
+  Coverage(renderer, SpecAt(4), 0);  // the least recently used scene was unloaded
   EXPECT_EQ(assets.fetches(), 4);
 }
 
 TEST(UnitRenderer, AStillSceneIsLoadedOnceAJob) {
   FakeAssets assets{ShiningSquare(false)};
   UnitRenderer renderer(&assets);
-  for (const int frame : {0, 5, 1, 7}) EXPECT_EQ(Coverage(renderer, Spec(24), frame), 1);
+  for (const int frame : {0, 5, 1, 7}) EXPECT_EQ(Coverage(renderer, SpecAt(24), frame), 1);
   EXPECT_EQ(assets.fetches(), 1);
 }
 
@@ -174,7 +174,7 @@ TEST(UnitRenderer, ThreadsShareWhatIsBeingLoaded) {
     UnitRenderer renderer(&assets);
     std::vector<std::thread> threads;
     threads.reserve(8);
-    for (int i = 0; i < 8; ++i) threads.emplace_back([&renderer, i] { Coverage(renderer, Spec(4), i % 2); });
+    for (int i = 0; i < 8; ++i) threads.emplace_back([&renderer, i] { Coverage(renderer, SpecAt(4), i % 2); });
     assets.AwaitFetches(1);
     assets.SetOpen(true);
     for (std::thread& thread : threads) thread.join();
@@ -207,11 +207,11 @@ TEST(UnitRenderer, ASceneThatWasRefusedToOneLeaseIsLoadedForAnother) {
   UnitRenderer renderer(&assets);
   UnitControl control;
   std::thread first([&] {
-    EXPECT_EQ(renderer.Render(Spec(24), LeaseOf(0), &control).status().code(),
+    EXPECT_EQ(renderer.Render(SpecAt(24), LeaseOf(0), &control).status().code(),
               absl::StatusCode::kPermissionDenied);
   });
   assets.begun.WaitForNotification();
-  std::thread second([&] { EXPECT_EQ(Coverage(renderer, Spec(24), 0), 1); });
+  std::thread second([&] { EXPECT_EQ(Coverage(renderer, SpecAt(24), 0), 1); });
   assets.may_refuse.Notify();
   first.join();
   second.join();
@@ -223,7 +223,7 @@ TEST(UnitRenderer, WarningsOfAUnitAreBoundedAndTheRestIsCounted) {
   v1::Lease lease = LeaseOf(0);
   lease.mutable_unit()->set_kind(v1::UNIT_KIND_GEOMETRY);
   UnitControl control;
-  const absl::StatusOr<RenderedUnit> unit = renderer.Render(Spec(24), lease, &control);
+  const absl::StatusOr<RenderedUnit> unit = renderer.Render(SpecAt(24), lease, &control);
   ASSERT_TRUE(unit.ok()) << unit.status();
   const auto& warnings = unit->stats.warnings();
   ASSERT_EQ(warnings.size(), static_cast<int>(rpc::kMaxUnitWarnings));

@@ -22,13 +22,13 @@ using render::RenderSettings;
 using render::SettingsOf;
 using ::testing::UnorderedElementsAre;
 
-constexpr int kWidth = 12;
-constexpr int kHeight = 9;
-constexpr size_t kPixels = size_t{kWidth} * kHeight;
+constexpr int kFrameWidth = 12;
+constexpr int kFrameHeight = 9;
+constexpr size_t kPixels = size_t{kFrameWidth} * kFrameHeight;
 
 class SampledFrameTest : public ::testing::Test {
  protected:
-  static RenderSettings settings() { return SettingsOf(kWidth, kHeight, 2); }
+  static RenderSettings settings() { return SettingsOf(kFrameWidth, kFrameHeight, 2); }
 
   CameraFrame frame_ = *CameraFrame::Create(std::make_shared<scene::Scene>(testing::SmallRoom()), settings());
   SampledFrame sampled_{frame_};
@@ -37,13 +37,13 @@ class SampledFrameTest : public ::testing::Test {
 TEST_F(SampledFrameTest, HoldsTheSamplesOfAPass) {
   sampled_.Take(std::vector<uint32_t>(kPixels, 6), nullptr);
   const LayeredImage pass =
-      RenderAllRadiance(*MakeRenderer(testing::SmallRoom(), settings()), kWidth, kHeight, 6);
+      RenderAllRadiance(*MakeRenderer(testing::SmallRoom(), settings()), kFrameWidth, kFrameHeight, 6);
   const ConstColorView a = pass.GetColor(layers::HalfA(layers::kNoisy));
   const ConstColorView b = pass.GetColor(layers::HalfB(layers::kNoisy));
   const Planes means = sampled_.Means();
   const Planes half_b = sampled_.HalfMeans(1);
   for (size_t c = 0; c < 3; ++c) {
-    ForEachPixel(kWidth, kHeight, [&](int x, int y) {
+    ForEachPixel(kFrameWidth, kFrameHeight, [&](int x, int y) {
       const float all = (a[c].At(x, y) + b[c].At(x, y)) / 6;
       EXPECT_NEAR(means[c].At(x, y), all, 1e-5f * (1 + all));
       EXPECT_NEAR(half_b[c].At(x, y), b[c].At(x, y) / 3, 1e-5f * (1 + all));
@@ -88,7 +88,7 @@ TEST_F(SampledFrameTest, KnowsTheVarianceOfItsMeans) {
   double expected = 0;
   double squares = 0;
   double sum = 0;
-  ForEachPixel(kWidth, kHeight, [&](int x, int y) {
+  ForEachPixel(kFrameWidth, kFrameHeight, [&](int x, int y) {
     const auto mean = static_cast<double>(sampled.Means()[1].At(x, y));
     expected += static_cast<double>(sampled.Variances()[1].At(x, y)) / kPixels;
     sum += mean;
@@ -101,7 +101,8 @@ TEST_F(SampledFrameTest, TakesNeighboursForTheVarianceOfSingleSamples) {
   sampled_.Take(std::vector<uint32_t>(kPixels, 1), nullptr);
   const Planes variances = sampled_.Variances();
   double sum = 0;
-  ForEachPixel(kWidth, kHeight, [&](int x, int y) { sum += static_cast<double>(variances[1].At(x, y)); });
+  ForEachPixel(kFrameWidth, kFrameHeight,
+               [&](int x, int y) { sum += static_cast<double>(variances[1].At(x, y)); });
   EXPECT_GT(sum, 0);
   EXPECT_TRUE(std::isfinite(sum));
 }

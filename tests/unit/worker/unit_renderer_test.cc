@@ -174,7 +174,8 @@ TEST(UnitRenderer, ThreadsShareWhatIsBeingLoaded) {
     UnitRenderer renderer(&assets);
     std::vector<std::thread> threads;
     threads.reserve(8);
-    for (int i = 0; i < 8; ++i) threads.emplace_back([&renderer, i] { Coverage(renderer, SpecAt(4), i % 2); });
+    for (int i = 0; i < 8; ++i)
+      threads.emplace_back([&renderer, i] { Coverage(renderer, SpecAt(4), i % 2); });
     assets.AwaitFetches(1);
     assets.SetOpen(true);
     for (std::thread& thread : threads) thread.join();

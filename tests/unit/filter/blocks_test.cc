@@ -118,6 +118,23 @@ TEST(FilterInBlocks, LeavesNoSeamWhereCoresMeet) {
   EXPECT_LT(border / (16 * 128), 2 * interior / (496 * 128));
 }
 
+TEST(FilterInBlocks, TakesOutAsMuchNoiseAsOneBlock) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(384, 256, 0.4f, 7);
+  FilmInMemory film(synthetic.film);
+  const LayeredImage picture =
+      InBlocks(&film, "default", {.core = 128, .margin = 64, .fade = 32, .whole = 0});
+  const auto whole = FilterFilm(synthetic.film, "default", nullptr);
+  ASSERT_TRUE(whole.ok());
+  double in_blocks = 0;
+  double in_one = 0;
+  ForEachPixel(384, 256, [&](int x, int y) {
+    const float truth = synthetic.truth.Get("G").At(x, y);
+    in_blocks += std::pow(static_cast<double>(picture.Get("G").At(x, y) - truth), 2);
+    in_one += std::pow(static_cast<double>((*whole)[1].At(x, y) - truth), 2);
+  });
+  EXPECT_LT(in_blocks, 1.1 * in_one);
+}
+
 TEST(FilterInBlocks, TellsWhatIsMissingAndStopsWhereTheSinkRefuses) {
   const SyntheticFilm synthetic = MakeSyntheticFilm(100, 200, 0.3f, 5);
   FilmInMemory film(synthetic.film);

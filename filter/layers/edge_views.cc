@@ -16,18 +16,6 @@ EdgeViews::EdgeViews(const LayeredImage& edges)
       albedo(edges.GetColor(layers::kAlbedo)),
       emission(edges.GetColor(layers::kEmission)) {}
 
-bool EdgeViews::IsPlain(int sample, int row) const {
-  if (IsLit(sample, row) || id.At(sample, row) == 0) return true;
-  return emission[0].At(sample, row) + emission[1].At(sample, row) + emission[2].At(sample, row) > 0;
-}
-
-bool EdgeViews::IsPlain(int row) const {
-  for (int sample = 0; sample < id.width(); ++sample) {
-    if (!IsPlain(sample, row)) return false;
-  }
-  return true;
-}
-
 void EdgeViews::ForEachPixel(const Rect& bounds, absl::FunctionRef<void(int, int, int)> body) const {
   for (int row = 0; row < id.height(); ++row) {
     const int px = static_cast<int>(x.At(0, row));

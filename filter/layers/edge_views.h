@@ -15,12 +15,6 @@ struct EdgeViews {
   /// Whether the sub-sample hits a surface with a diffuse lobe.
   bool IsLit(int sample, int row) const { return mask.At(sample, row) > 0 && distance.At(sample, row) > 0; }
 
-  /// Whether D, I, T and E hold all light of the sub-sample: it hits the sky, a light or a diffuse surface.
-  bool IsPlain(int sample, int row) const;
-
-  /// Whether IsPlain() holds for all sub-samples of the row.
-  bool IsPlain(int row) const;
-
   /// Calls body(row, x, y) for each row whose pixel lies in `bounds` and of which any sub-sample hits
   /// something. A pixel without a hit is sky, and C is all that is known of it.
   void ForEachPixel(const Rect& bounds, absl::FunctionRef<void(int, int, int)> body) const;

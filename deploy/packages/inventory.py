@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""Prints what a program is made of, as a CycloneDX 1.5 inventory (SBOM) in JSON: the Debian packages of the shared libraries that it is
-linked with, directly or by others, and those that it was built with. The same program, machine and time make the same inventory.
+"""Prints what a program is made of, as a CycloneDX 1.5 inventory (SBOM) in JSON: the Debian packages of the
+shared libraries that it is linked with, directly or by others, and those that it was built with. The same
+program, machine and time make the same inventory.
 
     inventory.py PROGRAM --time SECONDS
 """
@@ -38,10 +39,13 @@ def build_packages():
 
 def component(package, scope):
     version, architecture, source, homepage = output_of(
-        "dpkg-query", "-W", "-f=${Version}\t${Architecture}\t${source:Package}\t${Homepage}\n", package).splitlines()[0].split("\t")
+        "dpkg-query", "-W", "-f=${Version}\t${Architecture}\t${source:Package}\t${Homepage}\n",
+        package).splitlines()[0].split("\t")
     url = f"pkg:deb/debian/{package.replace('+', '%2B')}@{version.replace('+', '%2B').replace(':', '%3A')}?arch={architecture}"
-    made = {"type": "library", "bom-ref": url, "name": package, "version": version, "scope": scope, "purl": url,
-            "properties": [{"name": "debian:source", "value": source}]}
+    made = {
+        "type": "library", "bom-ref": url, "name": package, "version": version, "scope": scope, "purl": url,
+        "properties": [{"name": "debian:source", "value": source}]
+    }
     if homepage:
         made["externalReferences"] = [{"type": "website", "url": homepage}]
     return made
@@ -55,18 +59,27 @@ def inventory(program, seconds):
     root = {"type": "application", "bom-ref": program.name, "name": program.name, "version": version,
             "licenses": [{"license": {"id": "Apache-2.0"}}]}
     made = {
-        "$schema": "http://cyclonedx.org/schema/bom-1.5.schema.json", "bomFormat": "CycloneDX", "specVersion": "1.5", "version": 1,
-        "metadata": {"timestamp": datetime.datetime.fromtimestamp(seconds, datetime.timezone.utc).isoformat(), "component": root},
+        "$schema": "http://cyclonedx.org/schema/bom-1.5.schema.json",
+        "bomFormat": "CycloneDX",
+        "specVersion": "1.5",
+        "version": 1,
+        "metadata": {
+            "timestamp": datetime.datetime.fromtimestamp(seconds, datetime.timezone.utc).isoformat(),
+            "component": root
+        },
         "components": components,
-        "dependencies": [{"ref": root["bom-ref"],
-                          "dependsOn": [one["bom-ref"] for one in components if one["scope"] == "required"]}],
+        "dependencies": [{
+            "ref": root["bom-ref"],
+            "dependsOn": [one["bom-ref"] for one in components if one["scope"] == "required"]
+        }],
     }
     made["serialNumber"] = uuid.uuid5(uuid.NAMESPACE_URL, json.dumps(made)).urn
     return made
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program", type=pathlib.Path)
     parser.add_argument("--time", type=int, required=True, help="of the inventory, in seconds since 1970")
     arguments = parser.parse_args()

@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
-"""Units per second of several coordinators over one PostgreSQL of its own, and what the database spends on them. Prints a table.
+"""Units per second of several coordinators over one PostgreSQL of its own, and what the database spends on
+them. Prints a table.
 
-    LUMIFOLD_BIN=build/release/bin PYTHONPATH=tests/support python3 tests/bench/cluster_load.py [--seconds 10] [--repeat 3]
+    LUMIFOLD_BIN=build/release/bin PYTHONPATH=tests/support python3 tests/bench/cluster_load.py [--seconds 10]
+    [--repeat 3]
 """
 
 import argparse
@@ -31,15 +33,24 @@ def cpu_seconds(postmaster):
 
 
 def measure(coordinators, seconds):
-    """Runs one farm over a new database; returns units per second, and seconds of coordinators and database for 1000 units."""
+    """Runs one farm over a new database; returns units per second, and seconds of coordinators and database
+    for 1000 units."""
     postgres = subprocess.Popen([SCRIPT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     uri = postgres.stdout.readline().strip()
     folder = pathlib.Path(urllib.parse.parse_qs(urllib.parse.urlparse(uri).query)["host"][0])
     postmaster = (folder / "data" / "postmaster.pid").read_text().split()[0]
     before = cpu_seconds(postmaster)
-    done = subprocess.run([BIN / "farm-load", "--coordinators", str(coordinators), "--workers", str(WORKERS), "--slots",
-                           str(SLOTS), "--seconds", str(seconds), "--tile", "8", "--size", "256"],
-                          env={**os.environ, "LUMIFOLD_STORE": uri}, capture_output=True, text=True, check=True)
+    done = subprocess.run([
+        BIN / "farm-load", "--coordinators",
+        str(coordinators), "--workers",
+        str(WORKERS), "--slots",
+        str(SLOTS), "--seconds",
+        str(seconds), "--tile", "8", "--size", "256"
+    ],
+                          env={**os.environ, "LUMIFOLD_STORE": uri},
+                          capture_output=True,
+                          text=True,
+                          check=True)
     spent = cpu_seconds(postmaster) - before
     postgres.communicate()
     values = {line.split()[0]: float(line.split()[1]) for line in done.stdout.splitlines()}
@@ -48,7 +59,8 @@ def measure(coordinators, seconds):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--repeat", type=int, default=3)
     options = parser.parse_args()

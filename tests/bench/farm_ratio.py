@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
-"""Compares a farm of one worker with `lumifold render`: the same scene, settings and threads, in turns. Prints for both the
-time and the processor time and, pair by pair, the farm's share of the throughput of one process. Time is that of the commands
-from their start to the finished file; coordinator and worker run already, and the scene is not stored yet. Processor time is
-that of all processes from their start to their end, which is what to compare on a busy machine.
+"""Compares a farm of one worker with `lumifold render`: the same scene, settings and threads, in turns.
+Prints for both the time and the processor time and, pair by pair, the farm's share of the throughput of one
+process. Time is that of the commands from their start to the finished file; coordinator and worker run
+already, and the scene is not stored yet. Processor time is that of all processes from their start to their
+end, which is what to compare on a busy machine.
 
-    farm_ratio.py [--bin FOLDER] [--scene NAME] [--size WxH] [--spp N] [--threads N] [--pairs N] [--least SHARE]
+    farm_ratio.py [--bin FOLDER] [--scene NAME] [--size WxH] [--spp N] [--threads N] [--pairs N] [--least
+    SHARE]
 
 NAME is one that lumifold-scenes makes. With --least it exits with 1 where the median share is below SHARE.
 """
@@ -23,7 +25,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 def parse_arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--bin", default=ROOT / "build/release/bin")
     parser.add_argument("--scene", default="cornell-box")
     parser.add_argument("--size", default="640x480")
@@ -54,7 +57,9 @@ def timed(command):
 
 
 def render(arguments, scene, settings, folder):
-    command = ["lumifold", "render", scene, *settings, "--threads", arguments.threads, "-o", folder / "one.exr"]
+    command = [
+        "lumifold", "render", scene, *settings, "--threads", arguments.threads, "-o", folder / "one.exr"
+    ]
     return timed([arguments.bin / command[0], *command[1:]])[1]
 
 
@@ -88,12 +93,16 @@ def main():
         for pair in range(arguments.pairs):
             runs = {"render": render, "farm": farm}
             order = list(runs) if pair % 2 == 0 else list(reversed(runs))  # neither is always the first
-            done = {name: with_processor_seconds(runs[name], arguments, scene, settings, folder) for name in order}
+            done = {
+                name: with_processor_seconds(runs[name], arguments, scene, settings, folder) for name in order
+            }
             if (folder / "one.exr").read_bytes() != (folder / "farm.exr").read_bytes():
                 sys.exit("farm_ratio: the pictures differ")
             shares.append(done["render"][0] / done["farm"][0])
             processor_shares.append(done["render"][1] / done["farm"][1])
-            print("  ".join(f"{name} {done[name][0]:.2f} s ({done[name][1]:.2f} s processor)" for name in runs), flush=True)
+            print("  ".join(
+                f"{name} {done[name][0]:.2f} s ({done[name][1]:.2f} s processor)" for name in runs),
+                  flush=True)
     print_shares("share of the throughput", shares)
     print_shares("share by processor time", processor_shares)
     sys.exit(1 if statistics.median(shares) < arguments.least else 0)

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""How long workers wait for units: the share of their render threads' time, with 8 workers and uniform or adaptive passes. Prints a table in
-Markdown.
+"""How long workers wait for units: the share of their render threads' time, with 8 workers and uniform or
+adaptive passes. Prints a table in Markdown.
 
-    LUMIFOLD_BIN=build/release/bin PYTHONPATH=tests/support python3 tests/bench/idle_share.py [--workers 8] [--spp 256]
+    LUMIFOLD_BIN=build/release/bin PYTHONPATH=tests/support python3 tests/bench/idle_share.py [--workers 8]
+    [--spp 256]
 
-Counted from the first unit of a job to the last one. Workers, coordinator and filter share this machine: with fewer
-processors than workers a unit takes longer, and threads wait less often for the next one.
+Counted from the first unit of a job to the last one. Workers, coordinator and filter share this machine: with
+fewer processors than workers a unit takes longer, and threads wait less often for the next one.
 """
 
 import argparse
@@ -24,7 +25,9 @@ def seconds_of(workers):
     """Of all render threads, by what they did."""
     name = "lumifold_worker_thread_seconds_total"
     figures = [samples(scrape(address_of(worker))) for worker in workers]
-    return {activity: sum(each[f'{name}{{activity="{activity}"}}'] for each in figures) for activity in ACTIVITIES}
+    return {
+        activity: sum(each[f'{name}{{activity="{activity}"}}'] for each in figures) for activity in ACTIVITIES
+    }
 
 
 def wait_for(condition):
@@ -45,7 +48,8 @@ def measure(farm, workers, scene, settings):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--workers", type=int, default=8)
     parser.add_argument("--spp", type=int, default=256)
     parser.add_argument("--size", default="512x384")
@@ -54,12 +58,18 @@ def main():
     print("| scene | passes | time | rendering | sending | waiting |\n|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         with Farm(pathlib.Path(folder) / "data") as farm:
-            workers = [farm.start_worker("--metrics-address", "127.0.0.1:0", threads=1) for _ in range(options.workers)]
+            workers = [
+                farm.start_worker("--metrics-address", "127.0.0.1:0", threads=1)
+                for _ in range(options.workers)
+            ]
             for name in options.scenes.split(","):
                 scene = make_scene(name, pathlib.Path(folder))
                 for passes, settings in JOBS:
-                    seconds, threads = measure(farm, workers, scene, ("--size", options.size, "--spp", options.spp, *settings))
-                    shares = [f"{100 * threads[activity] / sum(threads.values()):.1f} %" for activity in ACTIVITIES]
+                    seconds, threads = measure(farm, workers, scene,
+                                               ("--size", options.size, "--spp", options.spp, *settings))
+                    shares = [
+                        f"{100 * threads[activity] / sum(threads.values()):.1f} %" for activity in ACTIVITIES
+                    ]
                     print(f"| {name} | {passes} | {seconds:.1f} s | {' | '.join(shares)} |", flush=True)
 
 

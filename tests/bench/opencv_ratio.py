@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
-"""Times our manifolds against OpenCV's port of the same method at equal work: 1024x768, 3 channels of signal, 9 of guide, 7
-manifolds, sigma_s 16, one thread each, in turns. Prints processor seconds, the least of some runs, and their ratio.
+"""Times our manifolds against OpenCV's port of the same method at equal work: 1024x768, 3 channels of signal,
+9 of guide, 7 manifolds, sigma_s 16, one thread each, in turns. Prints processor seconds, the least of some
+runs, and their ratio.
 
     opencv_ratio.py [FILTER_BENCH]
 
-Needs numpy and OpenCV with ximgproc (Debian: apt-get install python3-opencv); says so and ends well where they are missing.
+Needs numpy and OpenCV with ximgproc (Debian: apt-get install python3-opencv); says so and ends well where
+they are missing.
 """
 
 import json
@@ -35,7 +37,8 @@ def noisy_steps(channels, seed):
 
 
 def opencv_seconds(signal, guide):
-    # The same sigma_r as ours, whose planes run from 0 to 6. Its tree has ceil(3 (1 - sigma_r)) = 3 levels: 7 manifolds.
+    # The same sigma_r as ours, whose planes run from 0 to 6. Its tree has ceil(3 (1 - sigma_r)) = 3 levels: 7
+    # manifolds.
     manifolds = ximgproc.createAMFilter(16, 1 / 6, False)
     start = time.process_time()
     manifolds.filter(signal, None, guide)

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""What viewers of the status page cost: time of a job, and processor time of the coordinator and of its child processes, with 0, 1 and 50
-of them. Prints a table in Markdown.
+"""What viewers of the status page cost: time of a job, and processor time of the coordinator and of its child
+processes, with 0, 1 and 50 of them. Prints a table in Markdown.
 
-    LUMIFOLD_BIN=build/release/bin PYTHONPATH=tests/support python3 tests/bench/page_viewers.py [--spp 512] [--repeat 3]
+    LUMIFOLD_BIN=build/release/bin PYTHONPATH=tests/support python3 tests/bench/page_viewers.py [--spp 512]
+    [--repeat 3]
 
-A viewer is what a browser is: a stream of events, and a loop that fetches the picture. Viewers, coordinator and worker share this machine, so that
-the time of the job has the viewers' own work too.
+A viewer is what a browser is: a stream of events, and a loop that fetches the picture. Viewers, coordinator
+and worker share this machine, so that the time of the job has the viewers' own work too.
 """
 
 import argparse
@@ -49,7 +50,8 @@ def measure(farm, scene, viewers, spp):
         thread.start()
     farm.client("wait", job)
     seconds = time.monotonic() - start
-    cost = seconds, *(after - earlier for earlier, after in zip(before, farm.server.cpu_seconds())), time.process_time() - mine
+    cost = seconds, *(after - earlier for earlier, after in zip(before, farm.server.cpu_seconds())
+                     ), time.process_time() - mine
     stop.set()
     farm.client("delete", job)  # an event, with which those that listen end
     for thread in threads:
@@ -58,7 +60,8 @@ def measure(farm, scene, viewers, spp):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--spp", type=int, default=512)
     parser.add_argument("--repeat", type=int, default=3)
     options = parser.parse_args()
@@ -73,7 +76,9 @@ def main():
                 for viewers in counts:
                     runs[viewers].append(measure(farm, scene, viewers, options.spp))
             for viewers in counts:
-                print(f"| {viewers} | " + " | ".join(f"{statistics.median(column):.1f} s" for column in zip(*runs[viewers])) + " |")
+                print(f"| {viewers} | " +
+                      " | ".join(f"{statistics.median(column):.1f} s" for column in zip(*runs[viewers])) +
+                      " |")
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
-"""What plans save of a farm's time: jobs with `--plan full` and `--plan auto` in turns, on a coordinator and a worker of one
-thread that run already and have the scene. Processor time is that of both processes and their children, planning and filter included; time is
-that from the submission to the filtered picture. Prints a table in Markdown: means of the ratios, ± their standard errors.
+"""What plans save of a farm's time: jobs with `--plan full` and `--plan auto` in turns, on a coordinator and
+a worker of one thread that run already and have the scene. Processor time is that of both processes and their
+children, planning and filter included; time is that from the submission to the filtered picture. Prints a
+table in Markdown: means of the ratios, ± their standard errors.
 
-    LUMIFOLD_BIN=build/release/bin PYTHONPATH=tests/support python3 tests/bench/plan_ratio.py [--size WxH] [--spp N] [--pairs N]
+    LUMIFOLD_BIN=build/release/bin PYTHONPATH=tests/support python3 tests/bench/plan_ratio.py [--size WxH]
+    [--spp N] [--pairs N]
 """
 
 import argparse
@@ -34,14 +36,18 @@ def ratio_text(ratios):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--size", default="256x192")
     parser.add_argument("--spp", type=int, default=256)
     parser.add_argument("--pairs", type=int, default=4)
     parser.add_argument("--scenes", default="cornell-box,tiny-diffuse,tiny-textured")
     options = parser.parse_args()
-    print("| scene | processor time, full | planned | ratio | time, full | planned | ratio |\n|---|---|---|---|---|---|---|")
-    with tempfile.TemporaryDirectory() as folder, Farm(pathlib.Path(folder) / "data", "--filter-threads", 1) as farm:
+    print(
+        "| scene | processor time, full | planned | ratio | time, full | planned | ratio |\n|---|---|---|---|---|---|---|"
+    )
+    with tempfile.TemporaryDirectory() as folder, Farm(pathlib.Path(folder) / "data", "--filter-threads",
+                                                       1) as farm:
         worker = farm.start_worker(threads=1)
         for name in options.scenes.split(","):
             scene = make_scene(name, pathlib.Path(folder))
@@ -49,7 +55,8 @@ def main():
             runs = {plan: [] for plan in PLANS}
             for pair in range(options.pairs):
                 for plan in PLANS if pair % 2 == 0 else reversed(PLANS):
-                    settings = ("--size", options.size, "--spp", options.spp, "--seed", pair + 1, "--plan", plan)
+                    settings = ("--size", options.size, "--spp", options.spp, "--seed", pair + 1, "--plan",
+                                plan)
                     runs[plan].append(measure(farm, worker, scene, settings))
             cells = [name]
             for kind in (1, 0):  # of the pairs that measure() returns

@@ -1,4 +1,5 @@
-"""The Blender add-on in a real Blender without a window, on this machine and on a real farm, compared with Cycles."""
+"""The Blender add-on in a real Blender without a window, on this machine and on a real farm, compared with
+Cycles."""
 
 import array
 import json
@@ -23,8 +24,9 @@ ADDON = HERE.parents[1] / "deploy/blender"
 SAMPLES, FEW_SAMPLES = 256, 64
 BLOCK = 8  # pixels: means over blocks have little noise
 WIDTH, HEIGHT = 128, 96
-# Of each scene: allowed difference of the mean from Cycles, and of the root mean square of the blocks, in percent of Cycles' mean. Twice what was
-# measured (docs/blender.md says why they differ), and for those that only noise separates at least 0.1 and 0.5.
+# Of each scene: allowed difference of the mean from Cycles, and of the root mean square of the blocks, in
+# percent of Cycles' mean. Twice what was measured (docs/blender.md says why they differ), and for those that
+# only noise separates at least 0.1 and 0.5.
 ALLOWED = {
     "square_light": (0.1, 0.5),
     "ellipse_light": (0.1, 0.7),
@@ -54,12 +56,15 @@ class BlenderTest(unittest.TestCase):
         (self.folder / "scripts/addons").mkdir(parents=True)
         (self.folder / "scripts/addons/lumifold").symlink_to(ADDON / "lumifold")
         (self.folder / "tmp").mkdir()
-        self.environment = {**blender.ENVIRONMENT, "PATH": f"{os.defpath}:{farm.BIN}", "BLENDER_USER_SCRIPTS": str(self.folder / "scripts"),
-                            "TMPDIR": str(self.folder / "tmp")}
+        self.environment = {
+            **blender.ENVIRONMENT, "PATH": f"{os.defpath}:{farm.BIN}",
+            "BLENDER_USER_SCRIPTS": str(self.folder / "scripts"), "TMPDIR": str(self.folder / "tmp")
+        }
         self.environment.pop("LUMIFOLD_SERVER", None)
 
     def command(self, *renders):
-        """The command of one Blender for these renders: of each the scene, the folder of its files, and what is wanted."""
+        """The command of one Blender for these renders: of each the scene, the folder of its files, and what
+        is wanted."""
         listed = [(scene, str(folder), wanted) for scene, folder, wanted in renders]
         return blender.command(HERE / "render_scene.py", json.dumps(listed), options=WITH_ADDON)
 
@@ -68,12 +73,14 @@ class BlenderTest(unittest.TestCase):
         folders = [self.folder / str(i) for i in range(len(renders))]
         for folder in folders:
             folder.mkdir()
-        command = self.command(*((scene, folder, wanted) for (scene, wanted), folder in zip(renders, folders)))
+        command = self.command(
+            *((scene, folder, wanted) for (scene, wanted), folder in zip(renders, folders)))
         done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=3000)
         for folder in folders:
             self.assertTrue((folder / "report.json").exists(), done.stdout + done.stderr)
         reports = [json.loads((folder / "report.json").read_text()) for folder in folders]
-        self.assertEqual(done.returncode, any("error" in report for report in reports), done.stdout + done.stderr)
+        self.assertEqual(done.returncode, any("error" in report for report in reports),
+                         done.stdout + done.stderr)
         for report in reports:
             self.assertEqual(report["changes"], [], "the scene changed")
         self.assertEqual([path.name for path in (self.folder / "tmp").glob("lumifold*")], [], "left behind")
@@ -90,12 +97,14 @@ def picture(folder, name="lumifold"):
 
 
 class Pictures(BlenderTest):
-    """Each scene, on this machine, against Cycles with the same number of samples: fewer where the two differ by more than noise."""
+    """Each scene, on this machine, against Cycles with the same number of samples: fewer where the two differ
+    by more than noise."""
 
     def test_each_scene(self):
         scenes = [scene for scene in ALLOWED if scene != "light_of_4_5" or blender.version() >= (4, 5)]
         samples = [FEW_SAMPLES if ALLOWED[scene][1] > 1 else SAMPLES for scene in scenes]
-        folders = self.render_each(*((scene, {"settings": {"samples": n}, "cycles": n}) for scene, n in zip(scenes, samples)))
+        folders = self.render_each(
+            *((scene, {"settings": {"samples": n}, "cycles": n}) for scene, n in zip(scenes, samples)))
         for scene, folder in zip(scenes, folders):
             with self.subTest(scene):
                 self.check(scene, folder)
@@ -113,7 +122,10 @@ class Pictures(BlenderTest):
 
 
 class Passes(BlenderTest):
-    BORDER = {"use_border": True, "use_crop_to_border": True, "border_min_x": 0.26, "border_max_x": 0.77, "border_min_y": 0.41, "border_max_y": 0.99}
+    BORDER = {
+        "use_border": True, "use_crop_to_border": True, "border_min_x": 0.26, "border_max_x": 0.77,
+        "border_min_y": 0.41, "border_max_y": 0.99
+    }
 
     def test_passes_transparency_and_border(self):
         passes, transparent, part = self.render_each(
@@ -131,13 +143,16 @@ class Passes(BlenderTest):
         ours, cycles = picture(folder), picture(folder, "cycles")
         self.assertEqual((ours.width, ours.height), (WIDTH, HEIGHT))
         ours, cycles = ours.channels, cycles.channels
-        for name in ("Depth.Z", "Normal.X", "Diffuse Direct.R", "Diffuse Indirect.R", "Diffuse Color.R", "Emission.R", "Environment.R",
-                     "Noisy Image.R", "Reflection.R"):
+        for name in ("Depth.Z", "Normal.X", "Diffuse Direct.R", "Diffuse Indirect.R", "Diffuse Color.R",
+                     "Emission.R", "Environment.R", "Noisy Image.R", "Reflection.R"):
             self.assertEqual(len(ours[channel(name)]), WIDTH * HEIGHT, name)
-        for name, allowed in (("Depth.Z", 0.02), ("Normal.X", 0.02), ("Normal.Y", 0.02), ("Normal.Z", 0.02), ("Environment.B", 0.01)):
+        for name, allowed in (("Depth.Z", 0.02), ("Normal.X", 0.02), ("Normal.Y", 0.02), ("Normal.Z", 0.02),
+                              ("Environment.B", 0.01)):
             pair = zip(ours[channel(name)], cycles[channel(name)])
             wrong = sum(abs(a - b) > allowed * max(1, abs(b)) for a, b in pair) / (WIDTH * HEIGHT)
-            self.assertLess(wrong, 0.06, f"{name}: all but edges must agree")  # edges are means in ours, one sample in Cycles
+            self.assertLess(
+                wrong, 0.06,
+                f"{name}: all but edges must agree")  # edges are means in ours, one sample in Cycles
         self.assertEqual(set(ours[COMBINED[3]]), {1.0})
 
     def check_transparent_film(self, folder):
@@ -168,14 +183,19 @@ class FarmTest(BlenderTest):
 class OnAFarm(FarmTest):
     def test_picture_is_that_of_this_machine(self):
         self.farm.start_worker(threads=2)
-        on_farm, here = self.render_each(("room", {"settings": {"samples": 16, **self.on_farm}}), ("room", {"settings": {"samples": 16}}))
+        on_farm, here = self.render_each(("room", {"settings": {"samples": 16, **self.on_farm}}),
+                                         ("room", {"settings": {"samples": 16}}))
         self.assertEqual([(job["state"], job["name"]) for job in self.jobs()], [("done", "Scene-0001.gltf")])
         self.assertEqual(picture(on_farm).channels[COMBINED[0]], picture(here).channels[COMBINED[0]])
 
     def test_cancel_ends_the_job_and_the_render(self):
         self.farm.start_worker()
         command = self.command(("room", self.folder, {"settings": {"samples": 1 << 20, **self.on_farm}}))
-        process = subprocess.Popen(command, env=self.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        process = subprocess.Popen(command,
+                                   env=self.environment,
+                                   stdout=subprocess.PIPE,
+                                   stderr=subprocess.STDOUT,
+                                   text=True)
         with process.stdout:
             running = any(": running" in line for line in process.stdout)
             process.send_signal(signal.SIGINT)  # as Esc in the window: Blender tells its engine to stop
@@ -187,7 +207,11 @@ class OnAFarm(FarmTest):
 
     def test_a_job_that_is_cancelled_at_the_farm_is_an_error(self):
         command = self.command(("room", self.folder, {"settings": {"samples": 1 << 20, **self.on_farm}}))
-        process = subprocess.Popen(command, env=self.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        process = subprocess.Popen(command,
+                                   env=self.environment,
+                                   stdout=subprocess.PIPE,
+                                   stderr=subprocess.STDOUT,
+                                   text=True)
         with process.stdout:
             farm.wait_until(lambda: self.jobs(), "a job")
             self.farm.client("cancel", self.jobs()[0]["job_id"])
@@ -214,7 +238,8 @@ class FramesAtAFarm(FarmTest):
         self.assertEqual([(frame, state, path) for frame, state, path, _ in report["jobs"]],
                          [(frame, "downloaded", str(file)) for frame, file in zip((2, 5, 6), files)])
         self.assertEqual(len({exr.read(file).channels["R"].tobytes() for file in files}), 3, "frames differ")
-        self.assertEqual(sorted(job["name"] for job in self.jobs()), [f"Scene-{frame:04d}.gltf" for frame in (2, 5, 6)])
+        self.assertEqual(sorted(job["name"] for job in self.jobs()),
+                         [f"Scene-{frame:04d}.gltf" for frame in (2, 5, 6)])
 
     def test_frames_are_cancelled(self):
         report = self.submit(cancel=True, frames="1-2")
@@ -243,10 +268,15 @@ class Errors(BlenderTest):
 class InBlendersPython(BlenderTest):
     def test_arrays(self):
         """The tests that need numpy, which the Python of this test may not have."""
-        script = ("import sys, unittest; sys.path[:0] = sys.argv[-2:]; import logic_test; "
-                  "done = unittest.TextTestRunner().run(unittest.defaultTestLoader.loadTestsFromTestCase(logic_test.Arrays)); "
-                  "sys.exit(not done.wasSuccessful() or bool(done.skipped))")
-        done = subprocess.run(blender.expression(script, HERE, ADDON), env=self.environment, capture_output=True, text=True, timeout=300)
+        script = (
+            "import sys, unittest; sys.path[:0] = sys.argv[-2:]; import logic_test; "
+            "done = unittest.TextTestRunner().run(unittest.defaultTestLoader.loadTestsFromTestCase(logic_test.Arrays)); "
+            "sys.exit(not done.wasSuccessful() or bool(done.skipped))")
+        done = subprocess.run(blender.expression(script, HERE, ADDON),
+                              env=self.environment,
+                              capture_output=True,
+                              text=True,
+                              timeout=300)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
 
 
@@ -268,9 +298,10 @@ class Installation(BlenderTest):
         return self.run_blender([blender.PROGRAM, "--factory-startup", "--command", "extension", *arguments])
 
     def test_the_addon_installs(self):
-        script = ("import bpy, sys; bpy.ops.preferences.addon_install(filepath=sys.argv[-1]); "
-                  "bpy.ops.preferences.addon_enable(module='lumifold'); bpy.context.scene.render.engine = 'LUMIFOLD'; "
-                  "bpy.ops.preferences.addon_disable(module='lumifold'); print('installed')")
+        script = (
+            "import bpy, sys; bpy.ops.preferences.addon_install(filepath=sys.argv[-1]); "
+            "bpy.ops.preferences.addon_enable(module='lumifold'); bpy.context.scene.render.engine = 'LUMIFOLD'; "
+            "bpy.ops.preferences.addon_disable(module='lumifold'); print('installed')")
         self.assertIn("installed", self.run_blender(blender.expression(script, self.addon)))
         self.assertTrue((self.folder / "scripts/addons/lumifold/engine.py").exists())
 
@@ -279,13 +310,18 @@ class Installation(BlenderTest):
             self.skipTest("extensions came with Blender 4.2")
         self.environment["BLENDER_USER_RESOURCES"] = str(self.folder / "user")
         self.extension_command("validate", self.extension)
-        self.extension_command("build", "--source-dir", ADDON / "lumifold", "--output-filepath", self.folder / "built.zip")
-        names = [set(zipfile.ZipFile(path).namelist()) for path in (self.extension, self.folder / "built.zip")]
+        self.extension_command("build", "--source-dir", ADDON / "lumifold", "--output-filepath",
+                               self.folder / "built.zip")
+        names = [
+            set(zipfile.ZipFile(path).namelist()) for path in (self.extension, self.folder / "built.zip")
+        ]
         self.assertEqual(*names, "Blender's own package has the same files")
         self.extension_command("install-file", "--repo", "user_default", "--enable", self.extension)
-        script = ("import bpy; addon = bpy.context.preferences.addons['bl_ext.user_default.lumifold']; "
-                  "addon.preferences.program = '/bin/true'; bpy.context.scene.render.engine = 'LUMIFOLD'; "
-                  "from bl_ext.user_default.lumifold import preferences; print('found', preferences.program_path())")
+        script = (
+            "import bpy; addon = bpy.context.preferences.addons['bl_ext.user_default.lumifold']; "
+            "addon.preferences.program = '/bin/true'; bpy.context.scene.render.engine = 'LUMIFOLD'; "
+            "from bl_ext.user_default.lumifold import preferences; print('found', preferences.program_path())"
+        )
         # Not with factory settings, which switch extensions off.
         command = [blender.PROGRAM, "-b", "--python-exit-code", "1", "--python-expr", script]
         self.assertIn("found /bin/true", self.run_blender(command))

@@ -23,11 +23,15 @@ class CryptomatteTest(unittest.TestCase):
         self.folder = pathlib.Path(folder.name)
         self.path = self.folder / "picture.exr"
         scene = farm.make_scene("meeting-room", self.folder)
-        farm.run("lumifold", "render", scene, "--size", "96x72", "--spp", "2", "--cryptomatte", "-o", self.path)
+        farm.run("lumifold", "render", scene, "--size", "96x72", "--spp", "2", "--cryptomatte", "-o",
+                 self.path)
         self.picture = exr.read(self.path)
         metadata = exr_header.metadata_of(self.path)
-        self.manifests = {text: json.loads(metadata[name.replace("/name", "/manifest")]) for name, text in metadata.items()
-                          if name.startswith("cryptomatte/") and name.endswith("/name")}
+        self.manifests = {
+            text: json.loads(metadata[name.replace("/name", "/manifest")])
+            for name, text in metadata.items()
+            if name.startswith("cryptomatte/") and name.endswith("/name")
+        }
 
     def expected(self, layer, name):
         """The cover of each pixel by a name, by the specification."""
@@ -37,13 +41,19 @@ class CryptomatteTest(unittest.TestCase):
             for of_id, of_cover in ("RG", "BA"):
                 ids = self.picture.channels[f"{layer}{group:02}.{of_id}"]
                 shares = self.picture.channels[f"{layer}{group:02}.{of_cover}"]
-                covers = [cover + (share if found == number else 0) for cover, found, share in zip(covers, ids, shares)]
+                covers = [
+                    cover + (share if found == number else 0)
+                    for cover, found, share in zip(covers, ids, shares)
+                ]
         return covers
 
     def matte(self, layer, name):
         result = self.folder / "matte.exr"
-        done = subprocess.run(blender.command(HERE / "compositor.py", self.path, layer, name, "96", "72", result), text=True,
-                              capture_output=True, env=blender.ENVIRONMENT)
+        done = subprocess.run(blender.command(HERE / "compositor.py", self.path, layer, name, "96", "72",
+                                              result),
+                              text=True,
+                              capture_output=True,
+                              env=blender.ENVIRONMENT)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
         return list(exr.read(result).channels["R"])
 

@@ -1,6 +1,8 @@
-"""The parts of the Blender add-on that need no Blender: command lines, progress, cancelling, materials, the list of losses, files.
+"""The parts of the Blender add-on that need no Blender: command lines, progress, cancelling, materials, the
+list of losses, files.
 
-Node trees are small imitations with the sockets of each version of Blender; the tests in a real Blender are in addon_test.py.
+Node trees are small imitations with the sockets of each version of Blender; the tests in a real Blender are
+in addon_test.py.
 """
 
 import pathlib
@@ -26,7 +28,8 @@ class CommandLines(unittest.TestCase):
     picture = program.Picture("room.gltf", (64, 48), 7, "sky.exr", 2.8, 3.5)
 
     def test_render(self):
-        command = program.render_command("lumifold", program.Place(threads=2), self.picture, program.Quality(), "out.exr", "p.exr")
+        command = program.render_command("lumifold", program.Place(threads=2), self.picture,
+                                         program.Quality(), "out.exr", "p.exr")
         self.assertEqual(
             " ".join(command),
             "lumifold render room.gltf -o out.exr --size 64x48 --frame 7 --env sky.exr --f-stop 2.8 --focus 3.5 --spp 64 "
@@ -34,7 +37,8 @@ class CommandLines(unittest.TestCase):
 
     def test_submit(self):
         place = program.Place(True, "farm:7700", "studio", True, 5, threads=3)
-        command = program.submit_command("lumifold", place, program.Picture("room.gltf", (64, 48)), program.Quality("ERROR", 4096))
+        command = program.submit_command("lumifold", place, program.Picture("room.gltf", (64, 48)),
+                                         program.Quality("ERROR", 4096))
         self.assertEqual(
             " ".join(command),
             "lumifold submit room.gltf --json --size 64x48 --frame 0 --spp 4096 --max-bounces 8 --seed 0 --method default "
@@ -48,13 +52,15 @@ class CommandLines(unittest.TestCase):
         self.assertIn("90s", program.Quality("TIME", seconds=90).options())
 
     def test_names_stay_one_argument(self):
-        command = program.submit_command("lumifold", program.Place(True, "; rm -rf /"), self.picture, program.Quality())
+        command = program.submit_command("lumifold", program.Place(True, "; rm -rf /"), self.picture,
+                                         program.Quality())
         self.assertIn("; rm -rf /", command)
 
 
 class Progress(unittest.TestCase):
     def test_of_render(self):
-        self.assertEqual(program.progress_of_text("running 40% (2 workers)"), program.Progress("running", 0.4))
+        self.assertEqual(program.progress_of_text("running 40% (2 workers)"),
+                         program.Progress("running", 0.4))
         self.assertEqual(program.progress_of_text("filtering"), program.Progress("filtering"))
         self.assertIsNone(program.progress_of_text("lumifold: wrote a.exr (render 0.07 s)"))
 
@@ -76,7 +82,9 @@ class Frames(unittest.TestCase):
         self.assertEqual(frame_jobs.picture_path("/out/v1.2_0007", "Fog", 2), "/out/v1.2_0007-Fog.exr")
 
     def test_states(self):
-        jobs = [frame_jobs.FrameJob("j", i, "", state) for i, state in enumerate(("running", "done", "running"))]
+        jobs = [
+            frame_jobs.FrameJob("j", i, "", state) for i, state in enumerate(("running", "done", "running"))
+        ]
         self.assertEqual(frame_jobs.summary(jobs), "1 done, 2 running")
 
 
@@ -97,9 +105,10 @@ class Runs(unittest.TestCase):
     def test_cancel_interrupts(self):
         with tempfile.TemporaryDirectory() as folder:
             mark = pathlib.Path(folder) / "interrupted"
-            code = ("import pathlib, signal, sys, time\n"
-                    f"signal.signal(signal.SIGINT, lambda *_: (pathlib.Path({str(mark)!r}).touch(), sys.exit(130)))\n"
-                    "print('ready', flush=True); time.sleep(600)")
+            code = (
+                "import pathlib, signal, sys, time\n"
+                f"signal.signal(signal.SIGINT, lambda *_: (pathlib.Path({str(mark)!r}).touch(), sys.exit(130)))\n"
+                "print('ready', flush=True); time.sleep(600)")
             ready = []
             start = time.monotonic()
             with self.assertRaises(program.Cancelled):
@@ -139,9 +148,12 @@ def node(kind, outputs=(), inputs=(), **values):
     return made
 
 
-COMMON = {"Base Color": (0.5, 0.5, 0.5, 1), "Metallic": 0.0, "Roughness": 0.5, "Anisotropic": 0.0, "Emission Strength": 1.0, "Alpha": 1.0,
-          "Normal": (0, 0, 0), "Tangent": (0, 0, 0)}
-PRINCIPLED = {  # inputs and their values, as a new node of the version has them but for the strength of emission
+COMMON = {
+    "Base Color": (0.5, 0.5, 0.5, 1), "Metallic": 0.0, "Roughness": 0.5, "Anisotropic": 0.0,
+    "Emission Strength": 1.0, "Alpha": 1.0, "Normal": (0, 0, 0), "Tangent": (0, 0, 0)
+}
+# inputs and their values, as a new node of the version has them but for the strength of emission
+PRINCIPLED = {
     (3, 4): {**COMMON, "Subsurface": 0.0, "Specular": 0.5, "Specular Tint": 0.0, "Sheen": 0.0, "Clearcoat": 0.0, "Clearcoat Roughness": 0.03,
              "IOR": 1.45, "Transmission": 0.0, "Transmission Roughness": 0.0, "Emission": (0, 0, 0, 1), "Clearcoat Normal": (0, 0, 0)},
     (4, 0): {**COMMON, "IOR": 1.5, "Subsurface Weight": 0.0, "Specular IOR Level": 0.5, "Specular Tint": (1, 1, 1, 1),
@@ -153,24 +165,36 @@ PRINCIPLED[5, 2] = {**PRINCIPLED[4, 3], "Thin Wall": False}
 
 
 def principled(links=(), **values):
-    """Principled of the version that runs. Keys of versions.PRINCIPLED and identifiers have underscores for spaces."""
+    """Principled of the version that runs. Keys of versions.PRINCIPLED and identifiers have underscores for
+    spaces."""
     sockets = dict(versions.at(PRINCIPLED))
     for key, value in values.items():
         name = key.replace("_", " ")
         sockets[versions.at(versions.PRINCIPLED).get(name, name)] = value
-    return node("BSDF_PRINCIPLED", [Socket("BSDF")], [Socket(name, value, dict(links).get(name)) for name, value in sockets.items()],
+    return node("BSDF_PRINCIPLED", [Socket("BSDF")],
+                [Socket(name, value,
+                        dict(links).get(name)) for name, value in sockets.items()],
                 label="Principled BSDF")
 
 
 def material(shader, name="paint", **sources):
-    links = [Socket("Surface", source=shader.outputs[0]), *(Socket(one, source=sources.get(one)) for one in ("Volume", "Displacement"))]
+    links = [
+        Socket("Surface", source=shader.outputs[0]),
+        *(Socket(one, source=sources.get(one)) for one in ("Volume", "Displacement"))
+    ]
     output = node("OUTPUT_MATERIAL", inputs=links, target="ALL", is_active_output=True)
-    return types.SimpleNamespace(name=name, use_nodes=True, use_backface_culling=False, node_tree=types.SimpleNamespace(nodes=[output, shader]))
+    return types.SimpleNamespace(name=name,
+                                 use_nodes=True,
+                                 use_backface_culling=False,
+                                 node_tree=types.SimpleNamespace(nodes=[output, shader]))
 
 
 def picture(name="bricks"):
     image = types.SimpleNamespace(name=name, source="FILE")
-    return node("TEX_IMAGE", [Socket("Color"), Socket("Alpha")], [Socket("Vector")], image=image, projection="FLAT", extension="REPEAT")
+    return node("TEX_IMAGE", [Socket("Color"), Socket("Alpha")], [Socket("Vector")],
+                image=image,
+                projection="FLAT",
+                extension="REPEAT")
 
 
 class Materials(unittest.TestCase):
@@ -181,11 +205,15 @@ class Materials(unittest.TestCase):
 
     def test_constants(self):
         made = materials.translate(material(principled(Metallic=1.0, Roughness=0.2)))
-        self.assertEqual((made.base_color, made.metallic, made.roughness, made.losses), ((0.5, 0.5, 0.5), 1, 0.2, []))
+        self.assertEqual((made.base_color, made.metallic, made.roughness, made.losses),
+                         ((0.5, 0.5, 0.5), 1, 0.2, []))
 
     def test_pictures(self):
         bricks = picture()
-        split = node("SEPARATE_COLOR", [Socket("Red"), Socket("Green"), Socket("Blue")], [Socket("Color", source=bricks.outputs[0])], mode="RGB")
+        split = node("SEPARATE_COLOR",
+                     [Socket("Red"), Socket("Green"), Socket("Blue")],
+                     [Socket("Color", source=bricks.outputs[0])],
+                     mode="RGB")
         links = {"Base Color": bricks.outputs[0], "Roughness": split.outputs[1], "Alpha": bricks.outputs[1]}
         made = materials.translate(material(principled(links, Metallic=1.0)))
         channels = [one.channels for one in (made.base_color, made.roughness, made.alpha)]
@@ -193,8 +221,12 @@ class Materials(unittest.TestCase):
 
     def test_what_cannot_be_carried_is_listed(self):
         noise = node("TEX_NOISE", [Socket("Color")], label="Noise Texture")
-        made = materials.translate(material(principled({"Base Color": noise.outputs[0]}, Subsurface_Weight=0.3), Volume=noise.outputs[0]))
-        self.assertEqual(made.losses, ["'Noise Texture' at Base Color", "Subsurface Weight of 'Principled BSDF'", "volumes"])
+        made = materials.translate(
+            material(principled({"Base Color": noise.outputs[0]}, Subsurface_Weight=0.3),
+                     Volume=noise.outputs[0]))
+        self.assertEqual(
+            made.losses,
+            ["'Noise Texture' at Base Color", "Subsurface Weight of 'Principled BSDF'", "volumes"])
 
     def test_energy_that_cycles_loses_is_listed(self):
         shader = principled(Metallic=1.0, Roughness=0.8)
@@ -204,13 +236,17 @@ class Materials(unittest.TestCase):
     def test_unknown_shader(self):
         hair = node("BSDF_HAIR", [Socket("BSDF")], [Socket("Color", (1, 0, 0, 1))], label="Hair BSDF")
         made = materials.translate(material(hair))
-        self.assertEqual((made.base_color, made.losses), ((1, 0, 0), ["shader node 'Hair BSDF' (rendered as a matt surface)"]))
+        self.assertEqual((made.base_color, made.losses),
+                         ((1, 0, 0), ["shader node 'Hair BSDF' (rendered as a matt surface)"]))
 
     def test_mixture_with_transparent_is_alpha(self):
         clear = node("BSDF_TRANSPARENT", [Socket("BSDF")], [Socket("Color", (1, 1, 1, 1))])
         opaque = principled(Metallic=1.0)
-        mix = node("MIX_SHADER", [Socket("Shader")],
-                   [Socket("Fac", 0.25), Socket("Shader", source=clear.outputs[0]), Socket("Shader_001", source=opaque.outputs[0])])
+        mix = node("MIX_SHADER", [Socket("Shader")], [
+            Socket("Fac", 0.25),
+            Socket("Shader", source=clear.outputs[0]),
+            Socket("Shader_001", source=opaque.outputs[0])
+        ])
         made = materials.translate(material(mix))
         self.assertEqual((made.alpha, made.metallic, made.losses), (0.25, 1, []))
 
@@ -228,16 +264,24 @@ class Versions(unittest.TestCase):
 
     def test_principled_is_read_in_each(self):
         for version in self.each():
-            shader = principled(specular=0.25, transmission=0.5, coat=1.0, coat_roughness=0.2, emission=(3, 2, 1, 1), IOR=1.5)
+            shader = principled(specular=0.25,
+                                transmission=0.5,
+                                coat=1.0,
+                                coat_roughness=0.2,
+                                emission=(3, 2, 1, 1),
+                                IOR=1.5)
             made = materials.translate(material(shader))
-            read = (made.transmission, made.clearcoat_roughness, made.emission, made.emission_strength, made.ior)
+            read = (made.transmission, made.clearcoat_roughness, made.emission, made.emission_strength,
+                    made.ior)
             self.assertEqual(read, (0.5, 0.2, (3, 2, 1), 1, 1.5))
             self.assertAlmostEqual(made.reflectance, 0.02)
             self.assertEqual(made.clearcoat, 0.25 if version < (4, 0) else 1)
 
     def test_a_new_principled_loses_only_what_disneys_diffuse_lobe_has(self):
         for version in self.each():
-            self.assertEqual(materials.translate(material(principled())).losses, [materials.DISNEY_DIFFUSE] if version < (4, 0) else [])
+            self.assertEqual(
+                materials.translate(material(principled())).losses, [materials.DISNEY_DIFFUSE] if version <
+                (4, 0) else [])
 
     def test_highlights_follow_the_index_of_refraction_since_4_0(self):
         for version in self.each():
@@ -246,7 +290,8 @@ class Versions(unittest.TestCase):
 
     def test_sheen_is_carried_since_4_0(self):
         for version in self.each():
-            made = materials.translate(material(principled(sheen=0.5) if version >= (4, 0) else principled(Sheen=0.5)))
+            made = materials.translate(
+                material(principled(sheen=0.5) if version >= (4, 0) else principled(Sheen=0.5)))
             color = (0, 0, 0) if version < (4, 0) else (0.5, 0.5, 0.5)
             self.assertEqual((made.sheen_color, len(made.losses)), (color, 2 if version < (4, 0) else 1))
 
@@ -261,11 +306,15 @@ class Versions(unittest.TestCase):
             tint = {"Specular_Tint": 0.5 if version < (4, 0) else (1, 0, 0, 1)}
             film = {"Thin_Film_Thickness": 300} if version >= (4, 3) else {}
             lost = materials.translate(material(principled(Metallic=1.0, **tint, **film))).losses
-            self.assertEqual(lost, [f"{name} of 'Principled BSDF'" for name in ("Specular Tint", "Thin Film Thickness")[: 1 + len(film)]])
+            self.assertEqual(lost, [
+                f"{name} of 'Principled BSDF'"
+                for name in ("Specular Tint", "Thin Film Thickness")[:1 + len(film)]
+            ])
 
     def test_passes_have_the_names_of_the_version(self):
         for version in self.each():
-            self.assertEqual(versions.pass_name("Diffuse Direct"), "DiffDir" if version < (5, 0) else "Diffuse Direct")
+            self.assertEqual(versions.pass_name("Diffuse Direct"), "DiffDir" if version <
+                             (5, 0) else "Diffuse Direct")
             self.assertEqual(versions.pass_name("Depth"), "Depth")
 
     def test_nodes_that_are_switched_off(self):
@@ -279,21 +328,34 @@ class Versions(unittest.TestCase):
     def test_lights_of_3_4_and_of_4_5(self):
         light = types.SimpleNamespace(color=(1, 0.5, 0), energy=100)
         self.assertEqual((versions.light_color(light), versions.light_power(light, None)), ([1, 0.5, 0], 100))
-        light = types.SimpleNamespace(color=(1, 0.5, 0), energy=100, exposure=1, normalize=False, area=lambda matrix_world: 3,
-                                      use_temperature=True, temperature_color=(1, 0.5, 0.5))
-        self.assertEqual((versions.light_color(light), versions.light_power(light, None)), ([1, 0.25, 0], 600))
+        light = types.SimpleNamespace(color=(1, 0.5, 0),
+                                      energy=100,
+                                      exposure=1,
+                                      normalize=False,
+                                      area=lambda matrix_world: 3,
+                                      use_temperature=True,
+                                      temperature_color=(1, 0.5, 0.5))
+        self.assertEqual((versions.light_color(light), versions.light_power(light, None)),
+                         ([1, 0.25, 0], 600))
 
 
 def scene(*objects, **render):
     plain = {"pixel_aspect_x": 1, "pixel_aspect_y": 1, "use_motion_blur": False, "use_multiview": False}
     dof = types.SimpleNamespace(use_dof=False)
-    camera = types.SimpleNamespace(name="camera", data=types.SimpleNamespace(type="PERSP", shift_x=0, shift_y=0, dof=dof))
-    return types.SimpleNamespace(objects=objects, camera=camera, world=None, render=types.SimpleNamespace(**{**plain, **render}),
+    camera = types.SimpleNamespace(name="camera",
+                                   data=types.SimpleNamespace(type="PERSP", shift_x=0, shift_y=0, dof=dof))
+    return types.SimpleNamespace(objects=objects,
+                                 camera=camera,
+                                 world=None,
+                                 render=types.SimpleNamespace(**{**plain, **render}),
                                  lumifold=types.SimpleNamespace(soft_points=True))
 
 
 def thing(kind, name, data=None, **values):
-    plain = {"hide_render": False, "particle_systems": (), "material_slots": (), "is_holdout": False, "is_shadow_catcher": False}
+    plain = {
+        "hide_render": False, "particle_systems": (), "material_slots": (), "is_holdout": False,
+        "is_shadow_catcher": False
+    }
     return types.SimpleNamespace(type=kind, name=name, data=data, **{**plain, **values})
 
 
@@ -306,13 +368,15 @@ class Losses(unittest.TestCase):
         linking = types.SimpleNamespace(receiver_collection="some", blocker_collection=None)
         lost = scene(thing("VOLUME", "smoke"), thing("LIGHT", "sun", sun, light_linking=linking),
                      thing("GREASEPENCIL", "notes", hide_render=True), use_motion_blur=True)
-        self.assertEqual(unsupported.losses_of(lost),
-                         ["Not rendered, volume object: smoke", "Light linking (lights reach all objects): sun",
-                          "Angle of sun (sharp shadows): sun", "Motion blur"])
+        self.assertEqual(unsupported.losses_of(lost), [
+            "Not rendered, volume object: smoke", "Light linking (lights reach all objects): sun",
+            "Angle of sun (sharp shadows): sun", "Motion blur"
+        ])
 
     def test_long_lists_are_cut(self):
         many = scene(*(thing("VOLUME", f"smoke {i}") for i in range(5)))
-        self.assertEqual(unsupported.losses_of(many), ["Not rendered, volume object: smoke 0, smoke 1, smoke 2 and 2 more"])
+        self.assertEqual(unsupported.losses_of(many),
+                         ["Not rendered, volume object: smoke 0, smoke 1, smoke 2 and 2 more"])
 
 
 @needs_numpy
@@ -332,14 +396,21 @@ class Arrays(unittest.TestCase):
         for version, factor in (((3, 4), 4), ((4, 0), numpy.pi)):
             for shape, area in (("SQUARE", 1.0), ("RECTANGLE", 0.5), ("ELLIPSE", 0.5 * numpy.pi / 4)):
                 builder = gltf.GltfBuilder()
-                light = types.SimpleNamespace(type="AREA", shape=shape, size=1.0, size_y=0.5, energy=100, color=(1, 0.5, 0))
+                light = types.SimpleNamespace(type="AREA",
+                                              shape=shape,
+                                              size=1.0,
+                                              size_y=0.5,
+                                              energy=100,
+                                              color=(1, 0.5, 0))
                 with in_version(version):
                     lights.add_light(builder, "lamp", light, numpy.eye(4), True)
-                emission = builder.json["materials"][0]["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"]
+                emission = builder.json["materials"][0]["extensions"]["KHR_materials_emissive_strength"][
+                    "emissiveStrength"]
                 self.assertAlmostEqual(emission * area * factor / 100, 1, delta=0.01, msg=shape)
         points, triangles = lights.icosphere(2)
         a, b, c = (points[triangles[:, i]] for i in range(3))
-        self.assertTrue((numpy.einsum("ij,ij->i", numpy.cross(b - a, c - a), a) > 0).all(), "faces look outwards")
+        self.assertTrue((numpy.einsum("ij,ij->i", numpy.cross(b - a, c - a), a) > 0).all(),
+                        "faces look outwards")
 
     def test_parts_are_rounded_as_blenders(self):
         from lumifold import passes

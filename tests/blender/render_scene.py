@@ -1,9 +1,10 @@
-"""Builds scenes in Blender and renders each with the add-on, and with Cycles if asked for; a script for Blender.
+"""Builds scenes in Blender and renders each with the add-on, and with Cycles if asked for; a script for
+Blender.
 
     blender -b --factory-startup --addons lumifold --python render_scene.py -- JSON
 
-JSON is a list of [SCENE, FOLDER, WANTED]. WANTED has settings of scene.lumifold, and of `render`: see `main`. Writes FOLDER/lumifold.exr with
-all passes, FOLDER/cycles.exr, and FOLDER/report.json.
+JSON is a list of [SCENE, FOLDER, WANTED]. WANTED has settings of scene.lumifold, and of `render`: see `main`.
+Writes FOLDER/lumifold.exr with all passes, FOLDER/cycles.exr, and FOLDER/report.json.
 """
 
 import json
@@ -22,7 +23,8 @@ def data_blocks():
     """Names of all data, and what of the objects could have been moved or left behind."""
     names = {name: sorted(one.name for one in getattr(bpy.data, name))
              for name, kind in bpy.data.bl_rna.properties.items() if kind.type == "COLLECTION"}
-    for name in ("images", "all_ids"):  # Blender's own 'Render Result' comes with any render; the second is since 5.0
+    for name in ("images",
+                 "all_ids"):  # Blender's own 'Render Result' comes with any render; the second is since 5.0
         names.pop(name, None)
     names["selected"] = sorted(one.name for one in bpy.context.selected_objects)
     names["matrices"] = [[round(x, 6) for row in one.matrix_world for x in row] for one in bpy.data.objects]
@@ -33,7 +35,8 @@ def data_blocks():
 def set_up(scene, folder, wanted):
     render = scene.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = 256, 192, 50
-    if hasattr(render.image_settings, "media_type"):  # since Blender 5.0, which also writes each pass as a part by default
+    if hasattr(render.image_settings,
+               "media_type"):  # since Blender 5.0, which also writes each pass as a part by default
         render.image_settings.media_type = "MULTI_LAYER_IMAGE"
         render.image_settings.use_exr_interleave = True
     render.image_settings.file_format = "OPEN_EXR_MULTILAYER"

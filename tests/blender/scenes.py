@@ -1,4 +1,5 @@
-"""Scenes for the test of the add-on, built in Blender. Each is lit and seen so that Cycles and Lumifold can be compared pixel by pixel."""
+"""Scenes for the test of the add-on, built in Blender. Each is lit and seen so that Cycles and Lumifold can
+be compared pixel by pixel."""
 
 import math
 
@@ -9,7 +10,8 @@ from mathutils import Vector
 
 
 def start():
-    """An empty file with a black world. Reading factory settings instead would switch the add-on off, since Blender 4."""
+    """An empty file with a black world. Reading factory settings instead would switch the add-on off, since
+    Blender 4."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("world")
@@ -24,7 +26,8 @@ def color_world(*rgb):
 
 
 def input_of(node, what):
-    """An input by what it is: a key of versions.PRINCIPLED, or an identifier in lower case with underscores."""
+    """An input by what it is: a key of versions.PRINCIPLED, or an identifier in lower case with
+    underscores."""
     name = what.replace("_", " ")
     name = name if name in versions.at(versions.PRINCIPLED) else name.title().replace("Ior", "IOR")
     return versions.principled_input(node, name)
@@ -125,7 +128,15 @@ def sun_light():
 
 def light_of_4_5():
     """What lights have since Blender 4.5: a temperature, an exposure, and a power for each square metre."""
-    floor(kind="AREA", energy=60, shape="ELLIPSE", size=1.2, size_y=0.6, exposure=1, normalize=False, use_temperature=True, temperature=3000)
+    floor(kind="AREA",
+          energy=60,
+          shape="ELLIPSE",
+          size=1.2,
+          size_y=0.6,
+          exposure=1,
+          normalize=False,
+          use_temperature=True,
+          temperature=3000)
     bpy.data.objects["area"].scale = (2, 1, 1)
     light("POINT", 40, (-1.5, -0.5, 2), shadow_soft_size=0.3, normalize=False)
 
@@ -133,7 +144,13 @@ def light_of_4_5():
 def world():
     """All light from a sky that differs in each direction, on a matt and on a mirror ball."""
     add("plane", matt("ground", 0.5, 0.4, 0.3), size=5)
-    add("uv_sphere", matt("ball", 0.8, 0.8, 0.8), True, radius=0.6, location=(-0.8, 0, 0.6), segments=64, ring_count=32)
+    add("uv_sphere",
+        matt("ball", 0.8, 0.8, 0.8),
+        True,
+        radius=0.6,
+        location=(-0.8, 0, 0.6),
+        segments=64,
+        ring_count=32)
     mirror = shader("mirror", "ShaderNodeBsdfGlossy", color=(1, 1, 1, 1), roughness=0)
     add("uv_sphere", mirror, True, radius=0.6, location=(0.8, 0, 0.6), segments=96, ring_count=48)
     camera((0, -4.5, 1.4), (0, 0, 0.6), 40)
@@ -154,7 +171,11 @@ def textures():
     picture.interpolation = "Closest"
     tree.links.new(picture.outputs["Color"], tree.nodes["Diffuse BSDF"].inputs["Color"])
     add("plane", ground, size=6)
-    gold = shader("gold", "ShaderNodeBsdfPrincipled", base_color=(0.9, 0.6, 0.2, 1), metallic=1, roughness=0.35)
+    gold = shader("gold",
+                  "ShaderNodeBsdfPrincipled",
+                  base_color=(0.9, 0.6, 0.2, 1),
+                  metallic=1,
+                  roughness=0.35)
     add("uv_sphere", gold, True, radius=0.6, location=(-0.9, 0, 0.6), segments=64, ring_count=32)
     plastic = shader("plastic", "ShaderNodeBsdfPrincipled", base_color=(0.1, 0.3, 0.6, 1), roughness=0.4)
     add("uv_sphere", plastic, True, radius=0.6, location=(0.9, 0.6, 0.6), segments=64, ring_count=32)
@@ -174,7 +195,13 @@ def surfaces():
     }
     for i, (name, values) in enumerate(kinds.items()):
         made = shader(name, "ShaderNodeBsdfPrincipled", **values)
-        add("uv_sphere", made, True, radius=0.55, location=(1.25 * i - 1.25, 0, 0.56), segments=64, ring_count=32)
+        add("uv_sphere",
+            made,
+            True,
+            radius=0.55,
+            location=(1.25 * i - 1.25, 0, 0.56),
+            segments=64,
+            ring_count=32)
     light("AREA", 100, (0, -1, 4), shape="SQUARE", size=2)
     color_world(0.2, 0.25, 0.3)
     camera((0, -4, 1.8), (0, 0, 0.4), 45)
@@ -184,8 +211,13 @@ def pictures():
     """Each input that may be a picture, on panels before a grey wall."""
     add("plane", matt("wall", 0.5, 0.5, 0.5), size=8, location=(0, 1, 0)).rotation_euler = (math.pi / 2, 0, 0)
     for i, what in enumerate(("base_color", "roughness", "alpha", "emission")):
-        made = shader(f"panel {what}", "ShaderNodeBsdfPrincipled", base_color=(0.7, 0.5, 0.3, 1), metallic=float(what == "roughness"),
-                      roughness=0.6, emission=(0, 0, 0, 1), emission_strength=1)
+        made = shader(f"panel {what}",
+                      "ShaderNodeBsdfPrincipled",
+                      base_color=(0.7, 0.5, 0.3, 1),
+                      metallic=float(what == "roughness"),
+                      roughness=0.6,
+                      emission=(0, 0, 0, 1),
+                      emission_strength=1)
         tree = made.node_tree
         tree.nodes["Principled BSDF"].distribution = "MULTI_GGX"
         picture = tree.nodes.new("ShaderNodeTexImage")
@@ -213,7 +245,8 @@ def checker(space="sRGB", size=1024, squares=8):
 
 
 def animation():
-    """Frame 10 of a ball that moves; modifiers at render settings, an array, instances of a collection; something hidden."""
+    """Frame 10 of a ball that moves; modifiers at render settings, an array, instances of a collection;
+    something hidden."""
     scene = bpy.context.scene
     add("plane", matt("ground", 0.5, 0.5, 0.5), size=8)
     ball = add("cube", matt("ball", 0.7, 0.4, 0.3), True, size=1, location=(0, 0, 0.7))
@@ -241,5 +274,7 @@ def animation():
     scene.frame_set(10)
 
 
-SCENES = {made.__name__: made for made in (room, square_light, ellipse_light, point_light, sun_light, light_of_4_5, world, textures, surfaces,
-                                          animation, pictures)}
+SCENES = {
+    made.__name__: made for made in (room, square_light, ellipse_light, point_light, sun_light, light_of_4_5,
+                                     world, textures, surfaces, animation, pictures)
+}

@@ -1,4 +1,5 @@
-"""Submits frames of a scene by the add-on's operators, waits until they are downloaded, and reports; a script for Blender.
+"""Submits frames of a scene by the add-on's operators, waits until they are downloaded, and reports; a script
+for Blender.
 
     blender -b --factory-startup --addons lumifold --python submit_frames.py -- FOLDER JSON
 """
@@ -36,7 +37,8 @@ def main(folder, wanted):
     if wanted.get("cancel"):
         report["cancelled"] = attempt(operators.cancel_frames)
     end = time.monotonic() + PATIENCE_SECONDS
-    while any(job.state not in ("downloaded", "failed", "cancelled") for job in jobs) and time.monotonic() < end:
+    while any(job.state not in ("downloaded", "failed", "cancelled")
+              for job in jobs) and time.monotonic() < end:
         attempt(operators.update_frames)
         time.sleep(0.2)
     report["jobs"] = [[job.frame, job.state, job.path, job.job] for job in jobs]

@@ -1,4 +1,5 @@
-"""Completion and manual pages: made from what the commands say of themselves, and taken by the shells and by man."""
+"""Completion and manual pages: made from what the commands say of themselves, and taken by the shells and by
+man."""
 
 import re
 import shutil
@@ -19,7 +20,10 @@ class Completion(harness.CliTest):
         """What bash offers for the last word of a command line."""
         (self.folder / ".script").write_text(self.succeed("completion", "bash"))
         script = 'source .script; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _lumifold; printf "%s\\n" "${COMPREPLY[@]}"'
-        done = subprocess.run(["bash", "-euc", script, "bash", "lumifold", *words], cwd=self.folder, text=True, capture_output=True)
+        done = subprocess.run(["bash", "-euc", script, "bash", "lumifold", *words],
+                              cwd=self.folder,
+                              text=True,
+                              capture_output=True)
         self.assertEqual((done.returncode, done.stderr), (0, ""))
         return set(done.stdout.split("\n")) - {"", ".script"}
 
@@ -42,17 +46,25 @@ class Completion(harness.CliTest):
                     self.skipTest(f"{shell} is not installed (deploy/setup.sh --tests)")
                 done = subprocess.run([shell, "-n"], input=script, text=True, capture_output=True)
                 self.assertEqual((done.returncode, done.stderr), (0, ""))
-                broken = subprocess.run([shell, "-n"], input=script + "\nif then (", text=True, capture_output=True)
+                broken = subprocess.run([shell, "-n"],
+                                        input=script + "\nif then (",
+                                        text=True,
+                                        capture_output=True)
                 self.assertNotEqual(broken.returncode, 0)
 
     def test_zsh_and_fish_offer_options(self):
         if shutil.which("fish") is None:
             self.skipTest("fish is not installed (deploy/setup.sh --tests)")
         (self.folder / "completion.fish").write_text(self.succeed("completion", "fish"))
-        done = subprocess.run(["fish", "--no-config", "-c", "source completion.fish; complete -C 'lumifold watch --pre'"],
-                              cwd=self.folder, text=True, capture_output=True)
-        offered = [line.split("\t")[0] for line in done.stdout.splitlines()]  # fish 4 adds some that have the letters elsewhere
-        self.assertEqual([option for option in offered if option.startswith("--pre")], ["--preview"], done.stderr)
+        done = subprocess.run(
+            ["fish", "--no-config", "-c", "source completion.fish; complete -C 'lumifold watch --pre'"],
+            cwd=self.folder,
+            text=True,
+            capture_output=True)
+        offered = [line.split("\t")[0] for line in done.stdout.splitlines()
+                  ]  # fish 4 adds some that have the letters elsewhere
+        self.assertEqual([option for option in offered if option.startswith("--pre")], ["--preview"],
+                         done.stderr)
 
     def test_another_shell_is_refused(self):
         self.check_golden("completion_shell", "completion", "csh")
@@ -61,7 +73,10 @@ class Completion(harness.CliTest):
 @unittest.skipIf(shutil.which("groff") is None, "groff is not installed (deploy/setup.sh --tests)")
 class ManualPages(harness.CliTest):
     def read(self, page):
-        done = subprocess.run(["groff", "-man", "-ww", "-Tascii", "-P-cbou"], input=page, text=True, capture_output=True)
+        done = subprocess.run(["groff", "-man", "-ww", "-Tascii", "-P-cbou"],
+                              input=page,
+                              text=True,
+                              capture_output=True)
         self.assertEqual((done.returncode, done.stderr), (0, ""))
         return done.stdout
 
@@ -70,7 +85,9 @@ class ManualPages(harness.CliTest):
         for command in commands:
             with self.subTest(command=command):
                 page = " ".join(self.read(self.succeed("man", command)).split())
-                for option in re.findall(r"^  [^ ].*?(--[a-z][a-z-]*)", self.succeed(command, "--help"), flags=re.MULTILINE):
+                for option in re.findall(r"^  [^ ].*?(--[a-z][a-z-]*)",
+                                         self.succeed(command, "--help"),
+                                         flags=re.MULTILINE):
                     self.assertIn(option, page)
         page = self.read(self.succeed("man"))
         for command in commands:

@@ -19,7 +19,8 @@ class FarmTest(harness.CliTest):
     def setUp(self):
         super().setUp()
         self.scene = harness.write_scene(self.folder)
-        lines = self.start_daemon("lumifold-server", "--data", self.folder / "data", "--listen", "127.0.0.1:0")
+        lines = self.start_daemon("lumifold-server", "--data", self.folder / "data", "--listen",
+                                  "127.0.0.1:0")
         self.address = self.wait_for_address(lines)
         self.environment["LUMIFOLD_SERVER"] = self.address
 
@@ -103,7 +104,8 @@ class Jobs(FarmTest):
         self.succeed("wait", job)
         self.succeed("download", job, "-o", "whole.exr")
         whole = (self.folder / "whole.exr").read_bytes()
-        for garbage in (b"?" * 1000, b"?" * len(whole), b"?" * (len(whole) + 5), whole[:99] + b"?" + whole[100:]):
+        for garbage in (b"?" * 1000, b"?" * len(whole), b"?" * (len(whole) + 5),
+                        whole[:99] + b"?" + whole[100:]):
             (self.folder / f"again.exr.{job}-0.part").write_bytes(garbage)
             self.succeed("download", job, "-o", "again.exr")
             self.assertEqual((self.folder / "again.exr").read_bytes(), whole)
@@ -117,8 +119,9 @@ class Jobs(FarmTest):
         result.write_bytes(whole[:-100] + bytes([whole[-100] ^ 1]) + whole[-99:])
         code, out, err = self.run_lumifold("download", job, "-o", "out.exr")
         self.assertEqual((code, out), (1, ""))
-        self.assertRegex(err.splitlines()[-1],
-                         rf"\Alumifold: frame 0 of job {job}: its SHA-256 is \w+, the coordinator states \w+\Z")
+        self.assertRegex(
+            err.splitlines()[-1],
+            rf"\Alumifold: frame 0 of job {job}: its SHA-256 is \w+, the coordinator states \w+\Z")
         self.assertNotIn("out.exr", "".join(self.files()))
 
     def test_cancel(self):
@@ -127,23 +130,29 @@ class Jobs(FarmTest):
         self.assertEqual(self.run_lumifold("cancel", job), (0, "", f"lumifold: job {job} cancelled\n"))
         self.assertEqual(self.run_lumifold("wait", job)[:2], (5, "cancelled\n"))
         self.assertEqual(self.run_lumifold("watch", job)[0], 5)
-        self.assertEqual(self.succeed_json("cancel", job)["state"], "cancelled")  # cancelling it again is not an error
+        self.assertEqual(self.succeed_json("cancel", job)["state"],
+                         "cancelled")  # cancelling it again is not an error
 
     def test_pause_explain_and_resume(self):
         job = self.submit("--size", "40x30", "--spp", "4", "--paused", "--user", "ann")
-        self.assertTrue(self.succeed("explain", job).startswith(f"job: {job}\nstate: paused\npaused: the job is paused\n"))
+        self.assertTrue(
+            self.succeed("explain",
+                         job).startswith(f"job: {job}\nstate: paused\npaused: the job is paused\n"))
         self.assertEqual(self.succeed_json("explain", job)["reasons"][0]["code"], "paused")
         self.assertEqual(self.succeed_json("list", "--user", "ann", "--state", "paused")["job_id"], job)
         self.assertEqual(self.succeed("list", "--user", "ben", "--json"), "")
-        self.assertEqual(self.run_lumifold("set-priority", job, "-5"), (0, "", f"lumifold: job {job} paused\n"))
+        self.assertEqual(self.run_lumifold("set-priority", job, "-5"),
+                         (0, "", f"lumifold: job {job} paused\n"))
         self.start_worker()
         self.assertEqual(self.succeed_json("resume", job)["priority"], -5)
         self.succeed("wait", job)
         explained = self.succeed("explain", job)
-        self.assertTrue(explained.startswith(f"job: {job}\nstate: done\nnothing holds it up\n\nDECISION "), explained)
+        self.assertTrue(explained.startswith(f"job: {job}\nstate: done\nnothing holds it up\n\nDECISION "),
+                        explained)
         self.assertEqual(len(self.succeed_json("explain", job)["plan"]["decisions"]), 14)
         log = self.succeed("logs", job)
-        for event in ("job_submitted", "job_planned", "job_resumed", "job_priority", "frame_finished", "job_ended"):
+        for event in ("job_submitted", "job_planned", "job_resumed", "job_priority", "frame_finished",
+                      "job_ended"):
             self.assertIn(f"event={event} job={job}", log)
         worker = self.succeed_json("workers")
         self.assertEqual((worker["worker_id"], worker["state"]), ("w-1", "idle"))
@@ -188,8 +197,9 @@ class FileNames(FarmTest):
 
 class Refusals(FarmTest):
     def test_unknown_job(self):
-        for command in (("status",), ("wait",), ("watch",), ("cancel",), ("download", "-o", "out.exr"), ("explain",), ("logs",),
-                        ("pause",), ("resume",), ("set-priority", "5"), ("drain",), ("readmit",)):
+        for command in (("status",), ("wait",), ("watch",), ("cancel",), ("download", "-o", "out.exr"),
+                        ("explain",), ("logs",), ("pause",), ("resume",), ("set-priority",
+                                                                           "5"), ("drain",), ("readmit",)):
             with self.subTest(command=command[0]):
                 code, out, err = self.run_lumifold(command[0], "nonesuch", *command[1:])
                 self.assertEqual((code, out), (4, ""))
@@ -217,7 +227,8 @@ class Render(harness.CliTest):
         before = self.files()
         result = self.succeed_json("render", "room.gltf", "--size", "40x30", "--spp", "4", "--threads", "1",
                                    "-o", "out.exr", "--noisy", "noisy.png")
-        self.assertEqual((result["state"], result["output"], result["noisy_output"]), ("done", "out.exr", "noisy.png"))
+        self.assertEqual((result["state"], result["output"], result["noisy_output"]),
+                         ("done", "out.exr", "noisy.png"))
         self.assertEqual(self.files(), sorted([*before, "noisy.png", "out.exr"]))
         self.assertRegex(self.succeed("compare", "out.exr", "out.exr"), r"\AMSE255 0\.0000\nPSNR inf dB\n")
 
@@ -238,15 +249,18 @@ class Render(harness.CliTest):
 
     def test_two_pictures_are_two_halves(self):
         for seed in ("1", "2"):
-            self.succeed("render", "room.gltf", "--size", "40x30", "--spp", "4", "--seed", seed, "-o", f"{seed}.exr")
-        self.succeed("render", "room.gltf", "--size", "40x30", "--spp", "512", "--seed", "3", "-o", "true.exr")
-        (self.folder / "our.layout").write_text("combined = noisy\ndirect = direct\nindirect = indirect\n"
-                                                "albedo = albedo\nemission = emission\nnormal = N\ndepth = distance\n")
+            self.succeed("render", "room.gltf", "--size", "40x30", "--spp", "4", "--seed", seed, "-o",
+                         f"{seed}.exr")
+        self.succeed("render", "room.gltf", "--size", "40x30", "--spp", "512", "--seed", "3", "-o",
+                     "true.exr")
+        (self.folder / "our.layout").write_text(
+            "combined = noisy\ndirect = direct\nindirect = indirect\n"
+            "albedo = albedo\nemission = emission\nnormal = N\ndepth = distance\n")
         self.succeed("filter", "1.exr", "--half-b", "2.exr", "-o", "named.exr")
         self.succeed("filter", "1.exr", "--half-b", "2.exr", "--layout", "our.layout", "-o", "mapped.exr")
         self.assertEqual(self.succeed_json("compare", "named.exr", "mapped.exr")["mse255"], 0)
-        noisy, filtered = (self.succeed_json("compare", "named.exr", "true.exr", "--reference-layer", "noisy", *layer)
-                           for layer in (("--layer", "noisy"), ()))
+        noisy, filtered = (self.succeed_json("compare", "named.exr", "true.exr", "--reference-layer", "noisy",
+                                             *layer) for layer in (("--layer", "noisy"), ()))
         self.assertLess(filtered["mse255"], noisy["mse255"])
 
     def test_bad_content_is_named_in_one_line(self):
@@ -265,7 +279,8 @@ class Render(harness.CliTest):
                 self.scene = harness.write_scene(self.folder)
                 self.edit_scene(edit)
                 before = self.files()
-                code, out, err = self.run_lumifold("render", "room.gltf", "--size", "8x8", "--spp", "2", "-o", "a.exr")
+                code, out, err = self.run_lumifold("render", "room.gltf", "--size", "8x8", "--spp", "2", "-o",
+                                                   "a.exr")
                 self.assertEqual((code, out), (1, ""))
                 self.assertRegex(err.splitlines()[-1], r"\Alumifold: job \S+ failed: room\.gltf: .+\Z")
                 self.assertEqual(self.files(), before)

@@ -19,9 +19,10 @@ except ImportError:  # deploy/setup.sh --tests installs it
 
 OUTPUT_SCHEMA = json.loads((pathlib.Path(__file__).parents[2] / "docs/schemas/output.json").read_text())
 # What commands print whose object has another name in the schema.
-SCHEMA_OF = {**dict.fromkeys(("render", "status", "wait", "watch", "list", "cancel", "pause", "resume", "set-priority", "add-samples",
-                              "retry"), "job"),
-             **dict.fromkeys(("workers", "drain", "block", "readmit"), "worker")}
+SCHEMA_OF = {
+    **dict.fromkeys(("render", "status", "wait", "watch", "list", "cancel", "pause", "resume", "set-priority", "add-samples", "retry"), "job"),
+    **dict.fromkeys(("workers", "drain", "block", "readmit"), "worker")
+}
 
 BIN_DIR = pathlib.Path(os.environ["LUMIFOLD_BIN_DIR"])
 GOLDEN_DIR = pathlib.Path(__file__).parent / "golden"
@@ -72,7 +73,8 @@ class CliTest(unittest.TestCase):
         return out
 
     def succeed_json(self, *arguments):
-        """The object on the one line that a call with --json prints, as docs/schemas/output.json describes it."""
+        """The object on the one line that a call with --json prints, as docs/schemas/output.json describes
+        it."""
         out = self.succeed(*arguments, "--json")
         self.assertEqual(out.count("\n"), 1, out)
         result = json.loads(out)
@@ -86,7 +88,8 @@ class CliTest(unittest.TestCase):
             jsonschema.Draft202012Validator(schema).validate(result)
 
     def check_golden(self, name, *arguments, replace=()):
-        """Compares a call with golden/NAME.txt; `replace` has (pattern, replacement) for text that differs between runs."""
+        """Compares a call with golden/NAME.txt; `replace` has (pattern, replacement) for text that differs
+        between runs."""
         before = self.files()
         code, out, err = self.run_lumifold(*arguments)
         text = f"exit code: {code}\n--- standard output\n{out}--- standard error\n{err}"
@@ -116,7 +119,8 @@ def free_address():
 
 
 def write_scene(folder, name="room.gltf"):
-    """A triangle that glows, above another that it shines on, with their vertices in a file beside the scene."""
+    """A triangle that glows, above another that it shines on, with their vertices in a file beside the
+    scene."""
     positions = [(-1, 0, -1), (0, 0, 1), (1, 0, -1), (-1, 2, -1), (1, 2, -1), (0, 2, 1)]
     (folder / "mesh.bin").write_bytes(b"".join(struct.pack("<3f", *position) for position in positions))
 

@@ -1,4 +1,5 @@
-"""Options from files and the environment: job files, the configuration and its profiles; and what follows a job."""
+"""Options from files and the environment: job files, the configuration and its profiles; and what follows a
+job."""
 
 import json
 import os
@@ -29,26 +30,34 @@ class JobFile(harness.CliTest):
     def test_a_job_file_has_options_and_paths_relative_to_itself(self):
         self.write("shots/job.yaml", "scene: room.gltf\nsize: 16x12\nspp: 4\nforce: [tile-size=16]\n")
         self.assertEqual(self.decisions("--job", "shots/job.yaml")["tile-size"], "16")
-        self.assertEqual(self.decisions("--job=shots/job.yaml", "--force", "tile-size=8")["tile-size"], "8", "the command line counts more")
-        self.write("job.json", json.dumps({"scene": "shots/room.gltf", "size": "16x12", "output": "a.png", "priority": 3}))
+        self.assertEqual(
+            self.decisions("--job=shots/job.yaml", "--force", "tile-size=8")["tile-size"], "8",
+            "the command line counts more")
+        self.write(
+            "job.json",
+            json.dumps({"scene": "shots/room.gltf", "size": "16x12", "output": "a.png", "priority": 3}))
         self.decisions("--job", "job.json")
         self.succeed("render", "--job", "job.json", "--spp", "2")
         self.assertTrue((self.folder / "a.png").exists())
 
     def test_errors_name_the_line(self):
         for name, text in (("job_unknown", "spp: 4\nszie: 16x12\n"), ("job_value", "spp: 4\nsize: huge\n"),
-                           ("job_flag", "adaptive: perhaps\n"), ("job_map", "- spp\n"), ("job_yaml", "spp: [4\n")):
+                           ("job_flag", "adaptive: perhaps\n"), ("job_map", "- spp\n"), ("job_yaml",
+                                                                                         "spp: [4\n")):
             with self.subTest(name=name):
                 self.write("job.yaml", text)
                 self.check_golden(name, "plan", "shots/room.gltf", "--job", "job.yaml")
         self.check_golden("job_missing", "plan", "shots/room.gltf", "--job", "none.yaml")
 
     def test_the_configuration_is_for_all_commands(self):
-        config = self.write("config.yaml", "plan: full\npriority: 3\nprofiles:\n  quick:\n    plan: auto\n    force: [tile-size=8]\n")
+        config = self.write(
+            "config.yaml",
+            "plan: full\npriority: 3\nprofiles:\n  quick:\n    plan: auto\n    force: [tile-size=8]\n")
         self.environment["LUMIFOLD_CONFIG"] = str(config)
         arguments = ("shots/room.gltf", "--size", "16x12")
         self.assertEqual(self.succeed_json("plan", *arguments)["decisions"][0]["by"], "full")
-        self.assertEqual(self.succeed_json("plan", *arguments, "--plan", "auto")["decisions"][0]["by"], "scene")
+        self.assertEqual(
+            self.succeed_json("plan", *arguments, "--plan", "auto")["decisions"][0]["by"], "scene")
         self.environment["LUMIFOLD_PROFILE"] = "quick"
         self.assertEqual(self.decisions(*arguments)["tile-size"], "8")
         config.write_text("szie: 3\n")
@@ -66,7 +75,10 @@ class JobFile(harness.CliTest):
             import jsonschema
         except ImportError:
             self.skipTest("python3-jsonschema is not installed (deploy/setup.sh --tests)")
-        good = {"scene": "room.glb", "spp": 64, "frames": "1-48,60", "tag": ["gpu"], "adaptive": True, "target-error": 0.5}
+        good = {
+            "scene": "room.glb", "spp": 64, "frames": "1-48,60", "tag": ["gpu"], "adaptive": True,
+            "target-error": 0.5
+        }
         jsonschema.validate(good, json.loads(schema))
         for bad in ({"szie": 3}, {"spp": "many"}, {"adaptive": "yes"}, {"job": "other.yaml"}):
             with self.assertRaises(jsonschema.ValidationError):
@@ -83,8 +95,9 @@ class AfterAJob(harness.CliTest):
 
     def test_a_hook_learns_of_the_picture(self):
         (self.folder / "shots").mkdir()
-        code, out, err = self.render("-o", "shots/{name}/{user}x.##.png", "--frames", "3-4", "--name", "a b/c",
-                                     "--hook", 'echo "$LUMIFOLD_STATE $LUMIFOLD_OUTPUT" > said; echo to the user')
+        code, out, err = self.render("-o", "shots/{name}/{user}x.##.png", "--frames", "3-4", "--name",
+                                     "a b/c", "--hook",
+                                     'echo "$LUMIFOLD_STATE $LUMIFOLD_OUTPUT" > said; echo to the user')
         self.assertEqual((code, out), (0, ""), err)
         self.assertEqual((self.folder / "said").read_text(), "done shots/a b_c/anonymousx.03.png\n")
         self.assertIn("to the user", err)
@@ -95,8 +108,9 @@ class AfterAJob(harness.CliTest):
     def test_a_preview_of_a_local_render(self):
         code, _, err = self.render("-o", "out.exr", "--preview", "seen.jpg")
         self.assertEqual(code, 0, err)
-        self.assertEqual(sorted(path.name for path in self.folder.iterdir() if path.suffix in (".jpg", ".part")),
-                         [path.name for path in self.folder.glob("seen.jpg")])
+        self.assertEqual(
+            sorted(path.name for path in self.folder.iterdir() if path.suffix in (".jpg", ".part")),
+            [path.name for path in self.folder.glob("seen.jpg")])
 
     def test_json_has_a_version(self):
         self.environment.pop("LUMIFOLD_CONFIG")
@@ -113,8 +127,11 @@ class AfterAJob(harness.CliTest):
     def test_only_a_terminal_is_coloured(self):
         def error(**environment):
             master, slave = pty.openpty()
-            subprocess.run([harness.BIN_DIR / "lumifold", "convert", "none.exr", "-o", "a.png"], stderr=slave, cwd=self.folder,
-                           env={**self.environment, "TERM": "xterm", **environment}, check=False)
+            subprocess.run([harness.BIN_DIR / "lumifold", "convert", "none.exr", "-o", "a.png"],
+                           stderr=slave,
+                           cwd=self.folder,
+                           env={**self.environment, "TERM": "xterm", **environment},
+                           check=False)
             os.close(slave)
             try:
                 return os.read(master, 10_000)

@@ -16,7 +16,8 @@ def cells(line):
 
 
 def tables_of_methods():
-    """The tables of docs/*.md with a column "name" and a column "parameters ...", as lists of rows of cells."""
+    """The tables of docs/*.md with a column "name" and a column "parameters ...", as lists of rows of
+    cells."""
     for page in sorted(DOCS.glob("*.md")):
         lines = page.read_text().splitlines()
         for number, line in enumerate(lines):
@@ -31,7 +32,8 @@ def tables_of_methods():
 
 
 def documented_defaults():
-    """Page and defaults by parameter of each method in a table; parameters are written as `name` (default)."""
+    """Page and defaults by parameter of each method in a table; parameters are written as `name`
+    (default)."""
     return {
         name: (page, {key: float(value) for key, value in re.findall(r"`(\w+)` \(([-+.e\d]+)", parameters)})
         for page, name, parameters in tables_of_methods()
@@ -82,7 +84,9 @@ class Methods(harness.CliTest):
             self.assertIn(method["source"], table)
             self.assertRegex(help_text, rf"[ ,]{re.escape(method['name'])}[ ,.]")
             for parameter in method["parameters"]:
-                self.assertRegex(table, rf"(?m)^ +{parameter['name']}=\S+ \(\S+ to \S+\): {re.escape(parameter['summary'])}$")
+                self.assertRegex(
+                    table,
+                    rf"(?m)^ +{parameter['name']}=\S+ \(\S+ to \S+\): {re.escape(parameter['summary'])}$")
 
 
 if __name__ == "__main__":

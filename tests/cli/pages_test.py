@@ -1,4 +1,5 @@
-"""What the pages under docs and the words of the sources must keep: links that exist, short paragraphs, textbook words."""
+"""What the pages under docs and the words of the sources must keep: links that exist, short paragraphs,
+textbook words."""
 
 import pathlib
 import re
@@ -42,7 +43,10 @@ FUNCTION = re.compile(r"`(?P<name>[A-Za-z_]\w*(?:::[A-Za-z_]\w*)*)`")
 
 def prose(page):
     """The page's text with code blocks blanked, line by line."""
-    text = re.sub(r"```.*?```", lambda block: "\n" * block.group().count("\n"), page.read_text(), flags=re.DOTALL)
+    text = re.sub(r"```.*?```",
+                  lambda block: "\n" * block.group().count("\n"),
+                  page.read_text(),
+                  flags=re.DOTALL)
     return ["" if line.startswith("    ") else line for line in text.split("\n")]
 
 
@@ -78,7 +82,8 @@ def anchors(page):
 
 
 def is_defined(name, text):
-    """Whether the C++ text defines or declares a class or a function of this name, which may have its class before it."""
+    """Whether the C++ text defines or declares a class or a function of this name, which may have its class
+    before it."""
     *scope, last = name.split("::")
     if re.search(rf"^\s*(class|struct|enum class)\s+{last}\b", text, re.MULTILINE):
         return True
@@ -128,8 +133,11 @@ class Pages(unittest.TestCase):
         denoise = ROOT / "filter/denoise"
         stages = {}
         for file in ("layer_stages.cc", "frame_stages.cc"):
-            stages |= dict(re.findall(r'\.name = "([\w-]+)".*?\.header = "([^"]+)"', (denoise / file).read_text(), re.DOTALL))
-        guides = re.findall(r'\{"([\w-]+)",\s*"[^"]*",\s*\[\]\(Settings', (denoise / "denoise.cc").read_text())
+            stages |= dict(
+                re.findall(r'\.name = "([\w-]+)".*?\.header = "([^"]+)"', (denoise / file).read_text(),
+                           re.DOTALL))
+        guides = re.findall(r'\{"([\w-]+)",\s*"[^"]*",\s*\[\]\(Settings',
+                            (denoise / "denoise.cc").read_text())
         self.assertTrue(stages and guides)
         page = (ROOT / "docs/method.md").read_text()
         row = re.compile(r"^\| `([\w-]+)` \|.*\(\.\./(\S+)\) \|$", re.MULTILINE)
@@ -144,7 +152,10 @@ class Pages(unittest.TestCase):
 
     def kept_images(self, folder):
         """The PNG files that git keeps; charts write others beside their SVG."""
-        listed = subprocess.run(["git", "ls-files", "-z", "--", f"{folder}/*.png"], cwd=ROOT, capture_output=True, text=True)
+        listed = subprocess.run(["git", "ls-files", "-z", "--", f"{folder}/*.png"],
+                                cwd=ROOT,
+                                capture_output=True,
+                                text=True)
         if listed.returncode != 0:
             self.skipTest(f"git does not say which files are kept: {listed.stderr.strip()}")
         return [ROOT / name for name in listed.stdout.split("\0") if name and (ROOT / name).exists()]
@@ -172,8 +183,10 @@ class Words(unittest.TestCase):
 
 
 class Clocks(unittest.TestCase):
-    # Wall clock, or a wait of absl, whose deadlines are of the wall clock. proto/rpc/monotonic.h has what to use instead.
-    WALL_CLOCK = re.compile(r"absl::Now\b(?!\(\) is)|system_clock|gettimeofday|\b(Await|Wait\w*)With(Timeout|Deadline)\b")
+    # Wall clock, or a wait of absl, whose deadlines are of the wall clock. proto/rpc/monotonic.h has what to
+    # use instead.
+    WALL_CLOCK = re.compile(
+        r"absl::Now\b(?!\(\) is)|system_clock|gettimeofday|\b(Await|Wait\w*)With(Timeout|Deadline)\b")
 
     # The one place where the coordinator takes the wall clock, to stamp submissions, outages and events.
     STAMPS = {("server/server.h", "std::function<absl::Time()> wall_now = [] { return absl::Now(); };")}

@@ -50,7 +50,8 @@ class Plan(harness.CliTest):
     def write_radiance_sky(self):
         """A Radiance picture whose pixels are all (0.5, 0.25, 0.125)."""
         pixel = bytes((128, 64, 32, 128))
-        (self.folder / "sky.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n" + 8 * pixel)
+        (self.folder / "sky.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n" +
+                                              8 * pixel)
 
     def change_scene(self, name, **members):
         scene = json.loads(self.scene.read_text())
@@ -58,7 +59,8 @@ class Plan(harness.CliTest):
         (self.folder / name).write_text(json.dumps(scene))
 
     def test_a_frame_of_darkness_or_of_sky_alone(self):
-        """Planned and adaptive it has the pixels that it has when everything is modelled, and every metric is a number."""
+        """Planned and adaptive it has the pixels that it has when everything is modelled, and every metric is
+        a number."""
         self.write_radiance_sky()
         self.change_scene("dark.gltf", materials=[{}, {}])
         self.change_scene("sky.gltf", nodes=[{"mesh": 0}, {"mesh": 1}, {"camera": 0, "translation": [0, 1, 5],
@@ -67,7 +69,8 @@ class Plan(harness.CliTest):
                                        ("sky", ("--env", "sky.hdr"), "none")):
             with self.subTest(scene=scene, method=method):
                 common = (f"{scene}.gltf", "--size", "64x48", "--method", method, *options)
-                self.succeed("render", *common, "--spp", "256", "--adaptive", "--target-error", "0.5", "-o", "auto.exr")
+                self.succeed("render", *common, "--spp", "256", "--adaptive", "--target-error", "0.5", "-o",
+                             "auto.exr")
                 self.succeed("render", *common, "--spp", "4", "--plan", "full", "-o", "full.exr")
                 found = self.succeed_json("compare", "auto.exr", "full.exr", "--metric", "mse255,ssim,flip")
                 self.assertLess(found["mse255"], 1e-6)
@@ -75,7 +78,8 @@ class Plan(harness.CliTest):
                 self.assertLess(found["flip"], 1e-3)
 
     def test_adaptive_sampling_needs_a_filter_that_tells_its_error(self):
-        code, _, err = self.run_lumifold("render", str(self.scene), "--adaptive", "--method", "bilateral", "-o", "no.exr")
+        code, _, err = self.run_lumifold("render", str(self.scene), "--adaptive", "--method", "bilateral",
+                                         "-o", "no.exr")
         self.assertEqual(code, 2)
         self.assertIn('method "bilateral" does not tell its error', err)
 

@@ -24,9 +24,10 @@ class Autoscale(harness.CliTest):
 
     def test_help(self):
         # Versions of CLI11 write defaults in two ways, and break lines elsewhere.
-        self.check_golden("autoscale_help", "--help", replace=[
-            (r"((?:TEXT|INT|FLOAT)(?::\S+(?: in \[.*?\])?)?)=(\S+)", r"\1 [\2]"), (r" *\n {20,}", "  "), (r"(?<=\S) {2,}", "  "),
-            (r"\] (?=[A-Z])", "]  ")])
+        self.check_golden("autoscale_help",
+                          "--help",
+                          replace=[(r"((?:TEXT|INT|FLOAT)(?::\S+(?: in \[.*?\])?)?)=(\S+)", r"\1 [\2]"),
+                                   (r" *\n {20,}", "  "), (r"(?<=\S) {2,}", "  "), (r"\] (?=[A-Z])", "]  ")])
 
     def test_what_is_missing_or_wrong_is_named(self):
         needed = ("--state", "state")
@@ -72,9 +73,11 @@ class Filter(harness.CliTest):
         (self.folder / "text.exr").write_text("This is no picture.\n")
         self.check_golden("filter_missing", "filter", "none.exr", "-o", "out.exr")
         self.check_golden("filter_no_picture", "filter", "text.exr", "-o", "out.exr")
-        self.check_golden("filter_unknown_layout", "filter", "text.exr", "--layout", "arnold", "-o", "out.exr")
+        self.check_golden("filter_unknown_layout", "filter", "text.exr", "--layout", "arnold", "-o",
+                          "out.exr")
         (self.folder / "bad.layout").write_text("combined = C\nbeauty = C\n")
-        self.check_golden("filter_bad_layout", "filter", "text.exr", "--layout", "bad.layout", "-o", "out.exr")
+        self.check_golden("filter_bad_layout", "filter", "text.exr", "--layout", "bad.layout", "-o",
+                          "out.exr")
 
 
 class BadScene(harness.CliTest):
@@ -98,7 +101,8 @@ class BadScene(harness.CliTest):
         self.check_golden("missing_buffer", "submit", "room.gltf")
 
     def test_file_outside_the_folder_of_the_scene(self):
-        for name, uri in (("outside", "..%2f..%2fetc/passwd"), ("absolute", "/etc/passwd"), ("url", "file:///etc/passwd"),
+        for name, uri in (("outside", "..%2f..%2fetc/passwd"), ("absolute",
+                                                                "/etc/passwd"), ("url", "file:///etc/passwd"),
                           ("device", "zero"), ("drive", "C:/a.png"), ("control", "a%0ab.png")):
             (self.folder / "room.gltf").write_text(
                 json.dumps({"asset": {"version": "2.0"}, "images": [{"uri": uri}]}))
@@ -109,7 +113,8 @@ class BadScene(harness.CliTest):
     def test_device_in_an_allowed_folder(self):
         (self.folder / "room.gltf").write_text('{"asset": {"version": "2.0"}, "images": [{"uri": "zero"}]}')
         (self.folder / "zero").symlink_to("/dev/zero")
-        self.check_golden("file_allowed_device", "render", "room.gltf", "--allow-dir", "/dev", "-o", "out.exr")
+        self.check_golden("file_allowed_device", "render", "room.gltf", "--allow-dir", "/dev", "-o",
+                          "out.exr")
 
     def test_file_over_the_limit(self):
         (self.folder / "room.gltf").write_text('{"asset": {"version": "2.0"}, "images": [{"uri": "a.png"}]}')

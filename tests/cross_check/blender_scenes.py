@@ -1,8 +1,10 @@
 """Builds a scene in Blender, exports it as an artist would, and renders it with Cycles.
 
-    blender -b --factory-startup --python-exit-code 1 --python blender_scenes.py -- SCENE FOLDER SAMPLES WxH BOUNCES
+    blender -b --factory-startup --python-exit-code 1 --python blender_scenes.py -- SCENE FOLDER SAMPLES WxH
+    BOUNCES
 
-writes FOLDER/SCENE.glb by Blender's own exporter, and for each camera and two seeds FOLDER/SCENE.CAMERA.cycles-SEED.exr.
+writes FOLDER/SCENE.glb by Blender's own exporter, and for each camera and two seeds
+FOLDER/SCENE.CAMERA.cycles-SEED.exr.
 """
 
 import math
@@ -13,7 +15,9 @@ import sys
 import numpy
 
 if not hasattr(numpy, "bool"):
-    numpy.bool = bool  # Blender 3.4's glTF add-on uses the name that numpy dropped in 1.24; numpy 2 has it again, for its own type
+    # Blender 3.4's glTF add-on uses the name that numpy dropped in 1.24; numpy 2 has it again, for its own
+    # type
+    numpy.bool = bool
 
 import bpy
 
@@ -21,8 +25,8 @@ sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "deploy/blender"))
 
 from lumifold import versions
 
-# Materials that Cycles and glTF model differently are replaced between export and render: Principled's diffuse lobe
-# is Disney's and glTF's Lambert's; Principled adds a Fresnel term of its own to metals.
+# Materials that Cycles and glTF model differently are replaced between export and render: Principled's
+# diffuse lobe is Disney's and glTF's Lambert's; Principled adds a Fresnel term of its own to metals.
 AS_DIFFUSE, AS_GLOSSY, AS_EXPORTED = "diffuse", "glossy", "as exported"
 
 
@@ -39,8 +43,10 @@ def material(name, color=(1, 1, 1), cycles=AS_EXPORTED, **inputs):
 
 
 def principled_input(made, what):
-    """An input of a material's Principled: a key of versions.PRINCIPLED, or an identifier in lower case with underscores."""
-    name = what if what in versions.at(versions.PRINCIPLED) else what.replace("_", " ").title().replace("Ior", "IOR")
+    """An input of a material's Principled: a key of versions.PRINCIPLED, or an identifier in lower case with
+    underscores."""
+    name = what if what in versions.at(versions.PRINCIPLED) else what.replace("_", " ").title().replace(
+        "Ior", "IOR")
     return versions.principled_input(made.node_tree.nodes["Principled BSDF"], name)
 
 
@@ -49,7 +55,13 @@ def matte(name, color):
 
 
 def glow(name, radiance, color=(0, 0, 0)):
-    return material(name, color, AS_DIFFUSE, specular=0, roughness=1, emission=(*radiance, 1), emission_strength=1)
+    return material(name,
+                    color,
+                    AS_DIFFUSE,
+                    specular=0,
+                    roughness=1,
+                    emission=(*radiance, 1),
+                    emission_strength=1)
 
 
 def strong_glow(name, color, strength):
@@ -158,10 +170,16 @@ def sun_and_points():
     picture = nodes.new("ShaderNodeTexImage")
     picture.image = checker_picture()
     picture.interpolation = "Closest"  # Cycles interpolates coded sRGB values, glTF asks for light
-    picture.extension = "EXTEND"  # repeated, a pixel's footprint at the floor's border would hold texels of the other side
+    # repeated, a pixel's footprint at the floor's border would hold texels of the other side
+    picture.extension = "EXTEND"
     floor.node_tree.links.new(picture.outputs["Color"], principled_input(floor, "base_color"))
     add("plane", floor, size=8)
-    add("uv_sphere", matte("ball", (0.6, 0.5, 0.4)), radius=0.7, location=(-0.8, 0, 0.7), segments=48, ring_count=24)
+    add("uv_sphere",
+        matte("ball", (0.6, 0.5, 0.4)),
+        radius=0.7,
+        location=(-0.8, 0, 0.7),
+        segments=48,
+        ring_count=24)
     box(matte("block", (0.3, 0.4, 0.7)), (0.5, -0.4, 0), (1.3, 0.4, 1.2))
     light("SUN", "sun", (0, 0, 5), 2, (0.5, 0.4, -1), (1, 0.95, 0.8))
     light("POINT", "blue point", (1.8, -1.5, 1.6), 60, color=(0.4, 0.6, 1))
@@ -185,7 +203,13 @@ def metal_balls():
     downward_lamp((2, 2, 2))
     for i, roughness in enumerate((0.0, 0.2, 0.4, 0.7, 1.0)):
         metal = white_metal(f"roughness {roughness}", roughness)
-        add("uv_sphere", metal, smooth=True, radius=0.36, location=(-1.5 + 0.75 * i, -0.6, 0.36), segments=64, ring_count=32)
+        add("uv_sphere",
+            metal,
+            smooth=True,
+            radius=0.36,
+            location=(-1.5 + 0.75 * i, -0.6, 0.36),
+            segments=64,
+            ring_count=32)
 
 
 def glass_things():
@@ -201,11 +225,19 @@ def glass_things():
 def instances():
     """A glowing mesh, one mesh placed many times, modifiers, smooth shading, two cameras."""
     add("plane", matte("ground", (0.5, 0.5, 0.5)), size=12)
-    add("torus", strong_glow("ring", (1, 0.7, 0.4), 6), location=(0, 0, 2.2), major_radius=0.7, minor_radius=0.12)
+    add("torus",
+        strong_glow("ring", (1, 0.7, 0.4), 6),
+        location=(0, 0, 2.2),
+        major_radius=0.7,
+        minor_radius=0.12)
     head = add("monkey", matte("head", (0.7, 0.5, 0.4)), smooth=True, size=1.2, location=(0, 0, 0.8))
     head.modifiers.new("subdivision", "SUBSURF").render_levels = 2
     head.modifiers["subdivision"].levels = 2
-    stone = add("ico_sphere", matte("stone", (0.3, 0.5, 0.3)), radius=0.25, location=(-2, -1.5, 0.2), subdivisions=2)
+    stone = add("ico_sphere",
+                matte("stone", (0.3, 0.5, 0.3)),
+                radius=0.25,
+                location=(-2, -1.5, 0.2),
+                subdivisions=2)
     choose = random.Random(1)
     for i in range(24):
         copy = bpy.data.objects.new(f"stone {i}", stone.data)
@@ -221,7 +253,13 @@ def instances():
 def environment():
     """A picture of the sky is all the light there is."""
     add("plane", matte("ground", (0.5, 0.5, 0.5)), size=6)
-    add("uv_sphere", matte("ball", (0.8, 0.8, 0.8)), smooth=True, radius=0.6, location=(-0.7, 0, 0.6), segments=64, ring_count=32)
+    add("uv_sphere",
+        matte("ball", (0.8, 0.8, 0.8)),
+        smooth=True,
+        radius=0.6,
+        location=(-0.7, 0, 0.6),
+        segments=64,
+        ring_count=32)
     box(matte("block", (0.6, 0.3, 0.3)), (0.3, -0.4, 0), (1.1, 0.4, 0.9))
     camera("camera", (0, -4.5, 1.8), (0, 0, 0.5), 45)
     world = bpy.context.scene.world
@@ -232,10 +270,16 @@ def environment():
 
 
 def animation():
-    """A ball that moves, a block that turns, a cube that changes its shape, a bar that a bone breaks: frame 10 of 20."""
+    """A ball that moves, a block that turns, a cube that changes its shape, a bar that a bone breaks: frame
+    10 of 20."""
     add("plane", matte("ground", (0.5, 0.5, 0.5)), size=8)
     downward_lamp((3, 3, 3), half=1.5, height=4)
-    ball = add("uv_sphere", matte("ball", (0.7, 0.4, 0.3)), smooth=True, radius=0.5, segments=48, ring_count=24)
+    ball = add("uv_sphere",
+               matte("ball", (0.7, 0.4, 0.3)),
+               smooth=True,
+               radius=0.5,
+               segments=48,
+               ring_count=24)
     key(ball, "location", {1: (-2.5, -1, 0.5), 20: (1.5, -1, 0.5)})
     block = box(matte("block", (0.3, 0.4, 0.7)), (-1.4, 0.4, 0), (-0.6, 1.2, 1))
     key(block, "rotation_euler", {1: (0, 0, 0), 20: (0, 0, 2)})
@@ -257,8 +301,8 @@ def key(thing, what, values):
 
 
 def bar(made, foot):
-    """Two blocks, one above the other, as one mesh. They share no vertex: where a skin shears a face, Blender computes its
-    a new normal and glTF rotates the old one."""
+    """Two blocks, one above the other, as one mesh. They share no vertex: where a skin shears a face, Blender
+    computes its a new normal and glTF rotates the old one."""
     upper = add("cube", made, size=1, location=(*foot, 1.5))
     lower = add("cube", made, size=1, location=(*foot, 0.5))
     for half in (upper, lower):
@@ -331,7 +375,8 @@ def replace_for_cycles(made):
     if color.is_linked:
         tree.links.new(color.links[0].from_socket, closure.inputs["Color"])
     surface = closure.outputs[0]
-    glow, strength = (principled_input(made, what).default_value for what in ("emission", "emission_strength"))
+    glow, strength = (
+        principled_input(made, what).default_value for what in ("emission", "emission_strength"))
     if strength * max(glow[:3]) > 0:
         emission = tree.nodes.new("ShaderNodeEmission")
         emission.inputs["Color"].default_value, emission.inputs["Strength"].default_value = glow, strength

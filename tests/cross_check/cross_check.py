@@ -2,9 +2,10 @@
 
     cross_check.py [--samples N] [--size WxH] [--bounces N] [--keep FOLDER] [SCENE ...]
 
-prints for each scene and camera the difference of every region in percent of Cycles' mean, with its standard deviation. Fails if a
-region differs by more than 1 % (8 % for rough metals, which Cycles models differently until 3.6) and three standard deviations. Needs the Blender that
-LUMIFOLD_BLENDER names, else `blender` (without it the test reports that it is skipped), and the programs of LUMIFOLD_BIN.
+prints for each scene and camera the difference of every region in percent of Cycles' mean, with its standard
+deviation. Fails if a region differs by more than 1 % (8 % for rough metals, which Cycles models differently
+until 3.6) and three standard deviations. Needs the Blender that LUMIFOLD_BLENDER names, else `blender`
+(without it the test reports that it is skipped), and the programs of LUMIFOLD_BIN.
 """
 
 import argparse
@@ -27,17 +28,21 @@ PROGRAMS = pathlib.Path(os.environ.get("LUMIFOLD_BIN", HERE.parents[1] / "build/
 SKIPPED = 77  # exit code that ctest reports as "skipped"
 ALLOWED_PERCENT = 1
 ALLOWED_DEVIATIONS = 3
-# Multiple scattering between microfacets: both preserve its energy, but Cycles simulates it by random walks until 3.6 and Lumifold
-# distributes it like single scattering (docs/results/cycles-cross-check.md, difference 4).
+# Multiple scattering between microfacets: both preserve its energy, but Cycles simulates it by random walks
+# until 3.6 and Lumifold distributes it like single scattering (docs/results/cycles-cross-check.md, difference
+# 4).
 ALLOWED_PERCENT_OF_ROUGH_METAL = 8
 
-SCENES = ("diffuse-room", "sun-and-points", "metal-balls", "glass-things", "instances", "environment", "animation")
+SCENES = ("diffuse-room", "sun-and-points", "metal-balls", "glass-things", "instances", "environment",
+          "animation")
 
 
 def run(command, **options):
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, **options)
     if done.returncode != 0:
-        sys.exit(f"{' '.join(map(str, command))}\nexit {done.returncode}\n{done.stdout[-3000:]}{done.stderr[-3000:]}")
+        sys.exit(
+            f"{' '.join(map(str, command))}\nexit {done.returncode}\n{done.stdout[-3000:]}{done.stderr[-3000:]}"
+        )
     return done.stdout
 
 
@@ -56,7 +61,10 @@ def render_reference(scene, folder, samples, size, bounces):
 
 def render_ours(scene, camera, folder, samples, size, bounces, seed):
     path = folder / f"{scene}.{camera}.lumifold-{seed}.exr"
-    command = [PROGRAMS / "lumifold", "render", folder / f"{scene}.glb", "-o", path, "--size", size, "--spp", samples, "--seed", seed]
+    command = [
+        PROGRAMS / "lumifold", "render", folder / f"{scene}.glb", "-o", path, "--size", size, "--spp",
+        samples, "--seed", seed
+    ]
     command += ["--camera", camera, "--method", "none", "--max-bounces", bounces, "--threads", 2]
     command += ["--frame", 10] if scene == "animation" else []
     command += ["--env", folder / "sky.exr"] if scene == "environment" else []
@@ -79,7 +87,8 @@ def check(scene, camera, folder, samples, size, bounces):
         random_walks = scene == "metal-balls" and blender.version() < (4, 0)
         allowed = ALLOWED_PERCENT_OF_ROUGH_METAL if random_walks else ALLOWED_PERCENT
         too_much = abs(difference) > allowed + ALLOWED_DEVIATIONS * deviation
-        print(f"{name:24} {mean:9.4f} {difference:13.2f} {deviation:12.2f}{'  <--' if too_much else ''}", flush=True)
+        print(f"{name:24} {mean:9.4f} {difference:13.2f} {deviation:12.2f}{'  <--' if too_much else ''}",
+              flush=True)
         if too_much:
             bad.append(f"{scene}, {camera}: {name} {difference:+.2f} %")
     return bad

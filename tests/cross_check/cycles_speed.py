@@ -1,9 +1,10 @@
 """Times Cycles on a glTF file that Blender imports.
 
-    blender -b --factory-startup --python-exit-code 1 --python cycles_speed.py -- FILE.glb OUT MATERIALS FEW MANY WxH
+    blender -b --factory-startup --python-exit-code 1 --python cycles_speed.py -- FILE.glb OUT MATERIALS FEW
+    MANY WxH
 
-MATERIALS is "diffuse" (Diffuse BSDFs replace the imported Principled ones) or "principled". Writes OUT-1.exr and
-OUT-2.exr with MANY samples and two seeds, and prints "SECONDS few many": processor time of all threads.
+MATERIALS is "diffuse" (Diffuse BSDFs replace the imported Principled ones) or "principled". Writes OUT-1.exr
+and OUT-2.exr with MANY samples and two seeds, and prints "SECONDS few many": processor time of all threads.
 """
 
 import pathlib

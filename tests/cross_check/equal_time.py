@@ -2,11 +2,11 @@
 
     equal_time.py [SCENE ...]        generated scenes; default cornell-box meeting-room atrium
 
-Time is processor time of all threads for MANY samples minus that for FEW, so that loading is excluded. "error x time"
-is the mean relative squared error (squared error over the squared mean, with 1 % of the picture's own squared mean added) of a
-picture times the seconds it took: it does not depend on the number of samples. The ratio says how much larger Cycles' error
-is after equal time. Needs the Blender that LUMIFOLD_BLENDER names, else `blender`, and the programs
-of LUMIFOLD_BIN.
+Time is processor time of all threads for MANY samples minus that for FEW, so that loading is excluded. "error
+x time" is the mean relative squared error (squared error over the squared mean, with 1 % of the picture's own
+squared mean added) of a picture times the seconds it took: it does not depend on the number of samples. The
+ratio says how much larger Cycles' error is after equal time. Needs the Blender that LUMIFOLD_BLENDER names,
+else `blender`, and the programs of LUMIFOLD_BIN.
 """
 
 import pathlib
@@ -44,7 +44,10 @@ def seconds_of_ours(glb, path, samples, seed):
         return children.ru_utime + children.ru_stime
 
     before = used()
-    options = ["--size", f"{WIDTH}x{HEIGHT}", "--spp", samples, "--seed", seed, "--method", "none", "--threads", THREADS]
+    options = [
+        "--size", f"{WIDTH}x{HEIGHT}", "--spp", samples, "--seed", seed, "--method", "none", "--threads",
+        THREADS
+    ]
     run([PROGRAMS / "lumifold", "render", glb, "-o", path, *options])
     return used() - before
 

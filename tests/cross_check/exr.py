@@ -37,7 +37,8 @@ def read(path):
     for offset in struct.unpack_from(f"<{blocks}Q", data, at):
         first, size = struct.unpack_from("<iI", data, offset)
         lines = min(LINES_A_BLOCK[compression], y1 + 1 - first)
-        add_lines(unpack(data[offset + 8 : offset + 8 + size], compression, kinds, width, lines), kinds, width, lines, channels)
+        add_lines(unpack(data[offset + 8:offset + 8 + size], compression, kinds, width, lines), kinds, width,
+                  lines, channels)
     return Picture(width, height, channels)
 
 

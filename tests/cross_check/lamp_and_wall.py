@@ -3,7 +3,8 @@
     cross_check.py --bounces 0 --keep FOLDER diffuse-room
     lamp_and_wall.py FOLDER
 
-prints for rows of the picture the height on the wall, the light by Lambert's formula for a polygon, and each program's difference.
+prints for rows of the picture the height on the wall, the light by Lambert's formula for a polygon, and each
+program's difference.
 """
 
 import math
@@ -16,7 +17,8 @@ WIDTH, HEIGHT = 192, 144  # pixels, cross_check.py's own
 FOCAL_LENGTH = WIDTH / 2 / math.tan(math.radians(48 / 2))  # in pixels
 CAMERA_HEIGHT, WALL_DISTANCE = 1.5, 7.6  # metres; the wall lies at y = 2
 HALF, LAMP_HEIGHT = 0.6, 2.98
-LAMP = [(-HALF, -HALF, LAMP_HEIGHT), (HALF, -HALF, LAMP_HEIGHT), (HALF, HALF, LAMP_HEIGHT), (-HALF, HALF, LAMP_HEIGHT)]
+LAMP = [(-HALF, -HALF, LAMP_HEIGHT), (HALF, -HALF, LAMP_HEIGHT), (HALF, HALF, LAMP_HEIGHT),
+        (-HALF, HALF, LAMP_HEIGHT)]
 ALBEDO, RADIANCE = 0.8, (1.0 + 0.9 + 0.8) / 3
 COLUMNS = range(114, 148)  # of the wall that neither block nor lamp occludes
 GRID = 4  # points per side of a pixel
@@ -46,7 +48,8 @@ def true_radiance(column, row):
 
 
 def mean_picture(folder, program):
-    first, second = (exr.read(folder / f"diffuse-room.camera.{program}-{seed}.exr").mean_of_colors() for seed in (1, 2))
+    first, second = (
+        exr.read(folder / f"diffuse-room.camera.{program}-{seed}.exr").mean_of_colors() for seed in (1, 2))
     return [(a + b) / 2 for a, b in zip(first, second)]
 
 
@@ -55,7 +58,9 @@ def main(folder):
     print(f"{'height m':>8} {'true':>9} {'lumifold %':>11} {'cycles %':>9}")
     for row in range(32, 68, 5):
         true = sum(true_radiance(column, row) for column in COLUMNS)
-        ours, cycles = (100 * (sum(picture[row * WIDTH + column] for column in COLUMNS) / true - 1) for picture in pictures.values())
+        ours, cycles = (100 * (sum(picture[row * WIDTH + column]
+                                   for column in COLUMNS) / true - 1)
+                        for picture in pictures.values())
         print(f"{place_on_wall(0, row + 0.5)[2]:8.2f} {true / len(COLUMNS):9.6f} {ours:11.2f} {cycles:9.2f}")
 
 

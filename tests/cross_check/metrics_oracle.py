@@ -2,9 +2,10 @@
 
     metrics_oracle.py
 
-computes two small pictures, writes them as OpenEXR, and computes their MSE255, PSNR, relMSE, SSIM, FLIP and HDR-FLIP here: in double
-and with the published two-dimensional kernels, whereas the program uses float and separable kernels. Fails if a figure differs by more
-than 1e-4 of itself. Needs the programs of LUMIFOLD_BIN and Python only.
+computes two small pictures, writes them as OpenEXR, and computes their MSE255, PSNR, relMSE, SSIM, FLIP and
+HDR-FLIP here: in double and with the published two-dimensional kernels, whereas the program uses float and
+separable kernels. Fails if a figure differs by more than 1e-4 of itself. Needs the programs of LUMIFOLD_BIN
+and Python only.
 """
 
 import json
@@ -16,7 +17,9 @@ import subprocess
 import sys
 import tempfile
 
-PROGRAMS = pathlib.Path(os.environ.get("LUMIFOLD_BIN", pathlib.Path(__file__).parents[2] / "build/release/bin"))
+PROGRAMS = pathlib.Path(
+    os.environ.get("LUMIFOLD_BIN",
+                   pathlib.Path(__file__).parents[2] / "build/release/bin"))
 WIDTH, HEIGHT = 26, 15
 ALLOWED = 1e-4
 
@@ -33,7 +36,9 @@ def paint(wobble):
     pixels = []
     for y in range(HEIGHT):
         for x in range(WIDTH):
-            base = 0.05 + 0.5 * x / WIDTH + (0.3 if y > HEIGHT // 2 else 0.0) + (6.0 if (x, y) in ((5, 4), (6, 4)) else 0.0)
+            base = 0.05 + 0.5 * x / WIDTH + (0.3 if y > HEIGHT // 2 else 0.0) + (6.0 if
+                                                                                 (x, y) in ((5, 4),
+                                                                                            (6, 4)) else 0.0)
             noise = [wobble * math.sin(12.9898 * (x + 1) + 78.233 * (y + 1) + 37.7 * c) for c in range(3)]
             tint = (1.0, 0.8, 0.4 + 0.5 * y / HEIGHT)
             pixels.append(tuple(as_float(max(0.0, base * tint[c] * (1 + noise[c]))) for c in range(3)))
@@ -46,12 +51,14 @@ def write_exr(path, pixels):
     def attribute(name, kind, value):
         return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<I", len(value)) + value
 
-    channels = b"".join(name + b"\0" + struct.pack("<iIii", 2, 0, 1, 1) for name in (b"B", b"G", b"R")) + b"\0"
+    channels = b"".join(
+        name + b"\0" + struct.pack("<iIii", 2, 0, 1, 1) for name in (b"B", b"G", b"R")) + b"\0"
     window = struct.pack("<4i", 0, 0, WIDTH - 1, HEIGHT - 1)
     header = struct.pack("<II", 20000630, 2)
     header += attribute("channels", "chlist", channels) + attribute("compression", "compression", b"\0")
     header += attribute("dataWindow", "box2i", window) + attribute("displayWindow", "box2i", window)
-    header += attribute("lineOrder", "lineOrder", b"\0") + attribute("pixelAspectRatio", "float", struct.pack("<f", 1))
+    header += attribute("lineOrder", "lineOrder", b"\0") + attribute("pixelAspectRatio", "float",
+                                                                     struct.pack("<f", 1))
     header += attribute("screenWindowCenter", "v2f", struct.pack("<2f", 0, 0))
     header += attribute("screenWindowWidth", "float", struct.pack("<f", 1)) + b"\0"
     line = 12 * WIDTH
@@ -59,7 +66,8 @@ def write_exr(path, pixels):
     data = header + struct.pack(f"<{HEIGHT}Q", *offsets)
     for y in range(HEIGHT):
         row = pixels[y * WIDTH:(y + 1) * WIDTH]
-        data += struct.pack("<iI", y, line) + b"".join(struct.pack("<f", pixel[c]) for c in (2, 1, 0) for pixel in row)
+        data += struct.pack("<iI", y, line) + b"".join(
+            struct.pack("<f", pixel[c]) for c in (2, 1, 0) for pixel in row)
     path.write_bytes(data)
 
 
@@ -92,11 +100,13 @@ def ssim(a, b):
     found = []
     for y in range(5, HEIGHT - 5):
         for x in range(5, WIDTH - 5):
-            taken = [(w / total, grey_a[(y + dy) * WIDTH + x + dx], grey_b[(y + dy) * WIDTH + x + dx]) for dx, dy, w in window]
+            taken = [(w / total, grey_a[(y + dy) * WIDTH + x + dx], grey_b[(y + dy) * WIDTH + x + dx])
+                     for dx, dy, w in window]
             ma, mb = sum(w * p for w, p, _ in taken), sum(w * q for w, _, q in taken)
             va, vb = sum(w * (p - ma) ** 2 for w, p, _ in taken), sum(w * (q - mb) ** 2 for w, _, q in taken)
             cov = sum(w * (p - ma) * (q - mb) for w, p, q in taken)
-            found.append((2 * ma * mb + 1e-4) * (2 * cov + 9e-4) / ((ma * ma + mb * mb + 1e-4) * (va + vb + 9e-4)))
+            found.append(
+                (2 * ma * mb + 1e-4) * (2 * cov + 9e-4) / ((ma * ma + mb * mb + 1e-4) * (va + vb + 9e-4)))
     return mean(found)
 
 
@@ -155,19 +165,23 @@ def convolve(plane, kernel, radius):
     out = []
     for y in range(HEIGHT):
         for x in range(WIDTH):
-            out.append(sum(weight * plane[min(max(y + dy, 0), HEIGHT - 1) * WIDTH + min(max(x + dx, 0), WIDTH - 1)]
-                           for (dx, dy), weight in kernel.items()))
+            out.append(
+                sum(weight * plane[min(max(y + dy, 0), HEIGHT - 1) * WIDTH + min(max(x + dx, 0), WIDTH - 1)]
+                    for (dx, dy), weight in kernel.items()))
     return out
 
 
 def square(radius, function):
-    return {(dx, dy): function(dx, dy) for dx in range(-radius, radius + 1) for dy in range(-radius, radius + 1)}
+    return {(dx, dy): function(dx, dy) for dx in range(-radius, radius + 1)
+            for dy in range(-radius, radius + 1)}
 
 
 def sensitivity_kernel(*gaussians):
     radius = math.ceil(3 * math.sqrt(0.04 / (2 * math.pi ** 2)) * PPD)
-    kernel = square(radius, lambda dx, dy: sum(a * math.sqrt(math.pi / b) * math.exp(-math.pi ** 2 * (dx * dx + dy * dy) / PPD ** 2 / b)
-                                               for a, b in gaussians))
+    kernel = square(
+        radius, lambda dx, dy: sum(a * math.sqrt(math.pi / b) * math.exp(-math.pi**2 *
+                                                                         (dx * dx + dy * dy) / PPD**2 / b)
+                                   for a, b in gaussians))
     total = sum(kernel.values())
     return {at: weight / total for at, weight in kernel.items()}, radius
 
@@ -192,7 +206,8 @@ def features(grey, kind):
 
 
 def perceived(opponents):
-    kernels = (sensitivity_kernel((1, 0.0047)), sensitivity_kernel((1, 0.0053)), sensitivity_kernel((34.1, 0.04), (13.5, 0.025)))
+    kernels = (sensitivity_kernel((1, 0.0047)), sensitivity_kernel(
+        (1, 0.0053)), sensitivity_kernel((34.1, 0.04), (13.5, 0.025)))
     planes = [convolve([pixel[c] for pixel in opponents], *kernels[c]) for c in range(3)]
     return [hunt_lab(rgb_of_opponent(pixel)) for pixel in zip(*planes)]
 
@@ -201,7 +216,9 @@ def flip_map(a, b):
     greatest = hyab(hunt_lab((0, 1, 0)), hunt_lab((0, 0, 1))) ** 0.7
     a, b = ([opponent([min(max(v, 0.0), 1.0) for v in pixel]) for pixel in picture] for picture in (a, b))
     grey_a, grey_b = ([(pixel[0] + 16) / 116 for pixel in picture] for picture in (a, b))
-    edges, points = ([abs(p - q) for p, q in zip(features(grey_a, kind), features(grey_b, kind))] for kind in ("edge", "point"))
+    edges, points = ([abs(p - q)
+                      for p, q in zip(features(grey_a, kind), features(grey_b, kind))]
+                     for kind in ("edge", "point"))
     out = []
     for p, q, edge, point in zip(perceived(a), perceived(b), edges, points):
         color = hyab(p, q) ** 0.7
@@ -236,21 +253,31 @@ def hdr_flip_map(a, b):
 
 def main():
     picture, reference = paint(0.35), paint(0.0)
-    found = {"mse255": mse255(picture, reference), "rel_mse": rel_mse(picture, reference), "ssim": ssim(picture, reference),
-             "flip": mean(flip_map(picture, reference)), "flip_hdr": mean(hdr_flip_map(picture, reference))}
+    found = {
+        "mse255": mse255(picture, reference), "rel_mse": rel_mse(picture,
+                                                                 reference), "ssim": ssim(picture, reference),
+        "flip": mean(flip_map(picture, reference)), "flip_hdr": mean(hdr_flip_map(picture, reference))
+    }
     found["psnr_db"] = 10 * math.log10(65025 / found["mse255"])
     with tempfile.TemporaryDirectory(prefix="lumifold-oracle-") as folder:
         paths = [pathlib.Path(folder) / name for name in ("picture.exr", "reference.exr")]
         write_exr(paths[0], picture)
         write_exr(paths[1], reference)
-        done = subprocess.run([PROGRAMS / "lumifold", "compare", *paths, "--json", "--metric", "mse255,psnr,relmse,ssim,flip,flip-hdr"],
-                              capture_output=True, text=True, check=True)
+        done = subprocess.run([
+            PROGRAMS / "lumifold", "compare", *paths, "--json", "--metric",
+            "mse255,psnr,relmse,ssim,flip,flip-hdr"
+        ],
+                              capture_output=True,
+                              text=True,
+                              check=True)
     told = json.loads(done.stdout)
     wrong = 0
     for name, value in found.items():
         off = abs(told[name] / value - 1)
         wrong += off > ALLOWED
-        print(f"{name:8} here {value:.8g}  lumifold {told[name]:.8g}  off by {off:.1e}{'  TOO MUCH' if off > ALLOWED else ''}")
+        print(
+            f"{name:8} here {value:.8g}  lumifold {told[name]:.8g}  off by {off:.1e}{'  TOO MUCH' if off > ALLOWED else ''}"
+        )
     sys.exit(1 if wrong else 0)
 
 

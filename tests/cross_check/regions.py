@@ -1,7 +1,7 @@
 """Compares two programs' pictures region by region; each program renders twice, with different seeds.
 
-The difference of a region is that of its mean, in percent of the reference's. Its standard deviation follows from the pixel-wise
-difference of the two renders of each program.
+The difference of a region is that of its mean, in percent of the reference's. Its standard deviation follows
+from the pixel-wise difference of the two renders of each program.
 """
 
 import math

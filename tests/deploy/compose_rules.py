@@ -1,4 +1,5 @@
-"""What deploy/compose.yaml must have that no schema says. `faults(compose)` returns what is wrong, a line for each fault."""
+"""What deploy/compose.yaml must have that no schema says. `faults(compose)` returns what is wrong, a line for
+each fault."""
 
 import re
 
@@ -35,7 +36,8 @@ def coordinator_faults(service):
         yield "its health check does not ask the health service"
         return
     yield from programs.flag_faults("lumifold-server", check[2:])
-    if programs.value_of(check, "--server") != f"localhost:{port}" or programs.value_of(check, "--data") != data:
+    if programs.value_of(check, "--server") != f"localhost:{port}" or programs.value_of(check,
+                                                                                        "--data") != data:
         yield "its health check asks another coordinator"
 
 
@@ -56,7 +58,10 @@ def service_faults(name, service):
 
 
 def faults(compose):
-    found = [f"{name}: {fault}" for name, service in compose["services"].items() for fault in service_faults(name, service)]
+    found = [
+        f"{name}: {fault}" for name, service in compose["services"].items()
+        for fault in service_faults(name, service)
+    ]
     for name, service in compose["services"].items():
         for volume in service.get("volumes", []):
             if volume.split(":")[0] not in compose["volumes"]:

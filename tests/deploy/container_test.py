@@ -1,4 +1,5 @@
-"""The Dockerfile and the Compose file fit the programs, the packages that these need, and each other; broken ones do not."""
+"""The Dockerfile and the Compose file fit the programs, the packages that these need, and each other; broken
+ones do not."""
 
 import copy
 import re
@@ -21,9 +22,13 @@ class DockerfileTest(unittest.TestCase):
         for name, image in programs.images().items():
             program = image["program"]
             stage = next(s for s in self.stages.values() if s.of("ENTRYPOINT") == [f'["{program}"]'])
-            self.assertIn(f"--from=build /src/build/release/{program}.packages /usr/local/share/", stage.of("COPY"), name)
-            self.assertIn(f"install -y --no-install-recommends </usr/local/share/{program}.packages ", stage.of("RUN")[0], name)
-            self.assertIn(f" {program} ", re.search(r"for program in .*? ?;", self.stages["build"].of("RUN")[2])[0].replace(";", " "))
+            self.assertIn(f"--from=build /src/build/release/{program}.packages /usr/local/share/",
+                          stage.of("COPY"), name)
+            self.assertIn(f"install -y --no-install-recommends </usr/local/share/{program}.packages ",
+                          stage.of("RUN")[0], name)
+            self.assertIn(
+                f" {program} ",
+                re.search(r"for program in .*? ?;", self.stages["build"].of("RUN")[2])[0].replace(";", " "))
 
     def test_images_are_of_the_three_programs(self):
         self.assertEqual({image["program"] for image in programs.images().values()},
@@ -54,21 +59,27 @@ class DockerfileTest(unittest.TestCase):
         user = self.stages["runtime"].of("RUN")[0]
         self.assertIn("--uid 10001 ", user)
         default = re.search(r"^ARG DEBIAN=\S+:(\d+)-slim$", programs.DOCKERFILE.read_text(), re.M)[1]
-        self.assertIn(default, re.search(r"Debian (\d+(?: or \d+)*)", (ROOT / "deploy/setup.sh").read_text())[1].split(" or "))
+        self.assertIn(
+            default,
+            re.search(r"Debian (\d+(?: or \d+)*)", (ROOT / "deploy/setup.sh").read_text())[1].split(" or "))
 
 
 BROKEN = [
     ("an unknown option", lambda s: s["worker"]["command"].append("--no-such"), "has no --no-such"),
     ("another port", lambda s: s["coordinator"].update(ports=["7700:7701"]), "is not published"),
-    ("a health check of another port", lambda s: s["coordinator"]["healthcheck"]["test"].__setitem__(4, "--server=localhost:1"),
+    ("a health check of another port",
+     lambda s: s["coordinator"]["healthcheck"]["test"].__setitem__(4, "--server=localhost:1"),
      "asks another coordinator"),
-    ("data that are lost with the container", lambda s: s["coordinator"].update(volumes=[]), "is on no volume"),
+    ("data that are lost with the container", lambda s: s["coordinator"].update(volumes=[]),
+     "is on no volume"),
     ("root", lambda s: s["worker"].pop("user"), "runs as None"),
     ("a writable root", lambda s: s["worker"].pop("read_only"), "read_only is None"),
     ("capabilities", lambda s: s["worker"].update(cap_drop=[]), "cap_drop is []"),
     ("no limit of memory", lambda s: s["worker"].pop("mem_limit"), "has no mem_limit"),
-    ("the other program's image", lambda s: s["worker"]["build"].update(target="server"), "is not what the target server builds"),
-    ("another version", lambda s: s["worker"].update(image="lumifold-worker:0.0.9"), "is not what the target worker builds"),
+    ("the other program's image", lambda s: s["worker"]["build"].update(target="server"),
+     "is not what the target server builds"),
+    ("another version", lambda s: s["worker"].update(image="lumifold-worker:0.0.9"),
+     "is not what the target worker builds"),
     ("too short a time to drain", lambda s: s["worker"].update(stop_grace_period="10s"), "is killed before"),
     ("a volume that there is not", lambda s: s["worker"]["volumes"].append("x:/x"), "no volume x:/x"),
 ]

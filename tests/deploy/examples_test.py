@@ -23,7 +23,9 @@ def has_modules():
     return done.returncode == 0
 
 
-@unittest.skipUnless(has_modules(), "python3-grpcio, python3-protobuf or python3-xxhash is not installed (deploy/setup.sh --tests)")
+@unittest.skipUnless(
+    has_modules(),
+    "python3-grpcio, python3-protobuf or python3-xxhash is not installed (deploy/setup.sh --tests)")
 class ExamplesTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -36,14 +38,17 @@ class ExamplesTest(unittest.TestCase):
         cls.scene = make_scene("cornell-box", cls.root)
 
     def render(self, *arguments):
-        return subprocess.run([PYTHON, EXAMPLES / "farm.py", self.scene, *arguments], text=True, capture_output=True)
+        return subprocess.run([PYTHON, EXAMPLES / "farm.py", self.scene, *arguments],
+                              text=True,
+                              capture_output=True)
 
     def test_python_renders_and_node_watches(self):
         done = self.render(self.root / "out.exr")
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertIn("JOB_STATE_DONE", done.stderr)
         job = done.stdout.strip()
-        compared = json.loads(run("lumifold", "compare", self.root / "out.exr", self.root / "out.exr", "--json").stdout)
+        compared = json.loads(
+            run("lumifold", "compare", self.root / "out.exr", self.root / "out.exr", "--json").stdout)
         self.assertEqual(compared["mse255"], 0, "it is a picture")
         self.assertEqual(json.loads(self.farm.client("status", job, "--json").stdout)["state"], "done")
         if not node_tools.is_available():

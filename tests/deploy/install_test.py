@@ -1,5 +1,6 @@
-"""The Debian packages in a clean root: installed, upgraded while jobs and options are kept, removed and purged. There is no systemd in
-it: what the packages' scripts tell it is seen in the links that they make, and the services are started by hand, as the units say."""
+"""The Debian packages in a clean root: installed, upgraded while jobs and options are kept, removed and
+purged. There is no systemd in it: what the packages' scripts tell it is seen in the links that they make, and
+the services are started by hand, as the units say."""
 
 import contextlib
 import hashlib
@@ -19,8 +20,11 @@ from farm import make_scene, wait_until
 
 OLDER = "0.0.9"
 # Mounts of its own, which end with the command, and then the root.
-ENTER = ["unshare", "--mount", "sh", "-euc", 'root=$1; shift; mount -t proc proc "$root/proc"; mount --rbind /dev "$root/dev"; '
-         'exec chroot "$root" "$@"', "sh"]
+ENTER = [
+    "unshare", "--mount", "sh", "-euc",
+    'root=$1; shift; mount -t proc proc "$root/proc"; mount --rbind /dev "$root/dev"; '
+    'exec chroot "$root" "$@"', "sh"
+]
 SETTINGS = ["--size", "48x32", "--spp", "16", "--seed", "5"]
 ADDRESS = "127.0.0.1:17700"
 DATA = "var/lib/lumifold-server"
@@ -38,14 +42,26 @@ class InstallTest(unittest.TestCase):
         cls.new = packages.build(cls.folder / "new")
         cls.old = packages.build(cls.folder / "old", OLDER)
         cls.root = cls.folder / "root"
-        needed = {word.split()[0] for file in cls.new.values() for word in packages.field(file, "Depends").split(", ")}
-        subprocess.run(["mmdebstrap", "--quiet", "--variant=minbase", f"--include={','.join(sorted(needed))}", programs.suite(),
-                        cls.root], check=True)
+        needed = {
+            word.split()[0]
+            for file in cls.new.values()
+            for word in packages.field(file, "Depends").split(", ")
+        }
+        subprocess.run([
+            "mmdebstrap", "--quiet", "--variant=minbase", f"--include={','.join(sorted(needed))}",
+            programs.suite(), cls.root
+        ],
+                       check=True)
 
     def enter(self, *command, check=True):
         """What a command in the root prints, messages first."""
-        done = subprocess.run([*ENTER, self.root, *map(str, command)], text=True, capture_output=True,
-                              env={"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "HOME": "/root", "DEBIAN_FRONTEND": "noninteractive"})
+        done = subprocess.run([*ENTER, self.root, *map(str, command)],
+                              text=True,
+                              capture_output=True,
+                              env={
+                                  "PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "HOME": "/root",
+                                  "DEBIAN_FRONTEND": "noninteractive"
+                              })
         if check and done.returncode != 0:
             raise AssertionError(f"{command}: exit {done.returncode}\n{done.stdout}{done.stderr}")
         return done.stderr + done.stdout
@@ -68,10 +84,14 @@ class InstallTest(unittest.TestCase):
         variable = command.split()[-1]
         words = shlex.split(re.search(rf'^{variable[1:]}="(.*)"$', options, re.M)[1])
         for setting in ("StateDirectory", "CacheDirectory"):
-            for folder in packages.unit_options(self.root / f"usr/lib/systemd/system/{name}.service", setting):
-                (self.root / {"StateDirectory": "var/lib", "CacheDirectory": "var/cache"}[setting] / folder).mkdir(exist_ok=True)
+            for folder in packages.unit_options(self.root / f"usr/lib/systemd/system/{name}.service",
+                                                setting):
+                (self.root / {"StateDirectory": "var/lib", "CacheDirectory": "var/cache"}[setting] /
+                 folder).mkdir(exist_ok=True)
         log = open(self.folder / f"{name}.log", "a")
-        process = subprocess.Popen([*ENTER, self.root, *command.split()[:-1], *words], text=True, stdout=subprocess.PIPE,
+        process = subprocess.Popen([*ENTER, self.root, *command.split()[:-1], *words],
+                                   text=True,
+                                   stdout=subprocess.PIPE,
                                    stderr=log)
         try:
             yield process
@@ -91,7 +111,8 @@ class InstallTest(unittest.TestCase):
         self.assertEqual(self.enter("lumifold", "wait", job, "--server", ADDRESS).split()[-1], "done")
 
     def picture_of(self, job):
-        self.enter("lumifold", "download", job, "--server", ADDRESS, "--reproducible", "-o", "/tmp/picture.exr")
+        self.enter("lumifold", "download", job, "--server", ADDRESS, "--reproducible", "-o",
+                   "/tmp/picture.exr")
         return hashlib.sha256((self.root / "tmp/picture.exr").read_bytes()).hexdigest()
 
     def set_options(self, name, text):
@@ -103,7 +124,8 @@ class InstallTest(unittest.TestCase):
 
     def test_the_same_build_makes_the_same_files(self):
         again = packages.build(self.folder / "again")
-        self.assertEqual([file.read_bytes() for file in again.values()], [self.new[name].read_bytes() for name in again])
+        self.assertEqual([file.read_bytes() for file in again.values()],
+                         [self.new[name].read_bytes() for name in again])
 
     def test_from_installation_to_purge(self):
         options = f"--listen {ADDRESS}"
@@ -116,7 +138,8 @@ class InstallTest(unittest.TestCase):
         self.set_options("lumifold-worker", f"--server {ADDRESS} --threads 1 --user root")
         shutil.copy(make_scene("cornell-box", self.folder), self.root / "tmp/scene.glb")
         with self.coordinator(), self.service("lumifold-worker"):
-            job = self.enter("lumifold", "submit", "/tmp/scene.glb", "--server", ADDRESS, *SETTINGS).split()[-1]
+            job = self.enter("lumifold", "submit", "/tmp/scene.glb", "--server", ADDRESS,
+                             *SETTINGS).split()[-1]
             self.await_end(job)
             before = self.picture_of(job)
 
@@ -126,7 +149,8 @@ class InstallTest(unittest.TestCase):
         self.assertTrue(self.is_enabled("lumifold-server"))
         with self.coordinator(), self.service("lumifold-worker"):
             self.assertEqual(self.picture_of(job), before)
-            again = self.enter("lumifold", "submit", "/tmp/scene.glb", "--server", ADDRESS, *SETTINGS).split()[-1]
+            again = self.enter("lumifold", "submit", "/tmp/scene.glb", "--server", ADDRESS,
+                               *SETTINGS).split()[-1]
             self.await_end(again)
             self.assertEqual(self.picture_of(again), before)
 

@@ -1,5 +1,5 @@
-"""What manifests must have that no schema says: that they fit the programs and each other, and that pods have no right
-that they do not need. `faults(manifests, adapter)` returns what is wrong, a line for each fault."""
+"""What manifests must have that no schema says: that they fit the programs and each other, and that pods have
+no right that they do not need. `faults(manifests, adapter)` returns what is wrong, a line for each fault."""
 
 import re
 
@@ -85,18 +85,21 @@ def container_faults(pod, container):
 
 def program_faults(container):
     """That the options fit the ports, the limits and the probes."""
-    args, ports, limits = container.get("args", []), ports_of(container), container.get("resources", {}).get("limits", {})
+    args, ports, limits = container.get("args", []), ports_of(container), container.get("resources",
+                                                                                        {}).get("limits", {})
     for option, port in (("--listen", "grpc"), ("--metrics-address", "metrics")):
         address = programs.value_of(args, option)
         if address is None and port not in ports:
             continue
-        if address is None or not address.startswith("0.0.0.0:") or int(address.split(":")[1]) != ports.get(port):
+        if address is None or not address.startswith("0.0.0.0:") or int(
+                address.split(":")[1]) != ports.get(port):
             yield f"{option} {address} is not the port {port} {ports.get(port)}"
     threads = programs.value_of(args, "--threads") or programs.value_of(args, "--filter-threads")
     if threads is None or int(threads) > processors(limits.get("cpu", "0")):
         yield f"{threads} threads are not within the limit of processors"
     filter_mib = programs.value_of(args, "--filter-memory-mb")
-    if "--listen" in " ".join(args) and int(filter_mib or 0) + SERVER_MIB > mebibytes(limits.get("memory", "0Mi")):
+    if "--listen" in " ".join(args) and int(filter_mib or 0) + SERVER_MIB > mebibytes(
+            limits.get("memory", "0Mi")):
         yield f"the filter's {filter_mib} MiB and the server's {SERVER_MIB} are over the limit of memory"
     if "--listen" in " ".join(args):
         for probe in ("startupProbe", "livenessProbe", "readinessProbe"):
@@ -139,7 +142,9 @@ def workload_faults(manifests, workload):
         if not volume.keys() - {"name"} <= RESTRICTED_VOLUMES:
             yield f"volume {volume['name']} is {[*volume]}"
         claim = volume.get("persistentVolumeClaim", {}).get("claimName")
-        if claim and claim not in {c["metadata"]["name"] for c in of_kind(manifests, "PersistentVolumeClaim")}:
+        if claim and claim not in {
+                c["metadata"]["name"] for c in of_kind(manifests, "PersistentVolumeClaim")
+        }:
             yield f"there is no claim {claim}"
     if not spec["selector"]["matchLabels"].items() <= labels_of(workload).items():
         yield "does not select its own pods"
@@ -150,7 +155,9 @@ def pod_faults(manifests, workload):
     pod = pod_of(workload)
     security = pod.get("securityContext", {})
     users = {image["user"] for image in map(image_of, containers_of(workload)) if image}
-    if not security.get("runAsNonRoot") or users != {f"{security.get('runAsUser')}:{security.get('runAsGroup')}"}:
+    if not security.get("runAsNonRoot") or users != {
+            f"{security.get('runAsUser')}:{security.get('runAsGroup')}"
+    }:
         yield f"the user is not that of the images, {users}"
     if security.get("seccompProfile") != {"type": "RuntimeDefault"}:
         yield "has no seccomp profile"
@@ -173,13 +180,17 @@ def service_faults(manifests, service):
     if not pods:
         yield "selects no pods"
     for port in service["spec"]["ports"]:
-        if not all(port["targetPort"] in named and named[port["targetPort"]] == port["port"] for named in ports):
+        if not all(
+                port["targetPort"] in named and named[port["targetPort"]] == port["port"] for named in ports):
             yield f"port {port['port']} is not the pods' {port['targetPort']}"
 
 
 def hosts_of(manifests):
-    """The ports of each service, by its name, and of each pod of a StatefulSet, by its name within its service."""
-    hosts = {s["metadata"]["name"]: [p["port"] for p in s["spec"]["ports"]] for s in of_kind(manifests, "Service")}
+    """The ports of each service, by its name, and of each pod of a StatefulSet, by its name within its
+    service."""
+    hosts = {
+        s["metadata"]["name"]: [p["port"] for p in s["spec"]["ports"]] for s in of_kind(manifests, "Service")
+    }
     for workload in of_kind(manifests, "StatefulSet"):
         service = workload["spec"].get("serviceName")
         for i in range(workload["spec"]["replicas"]):
@@ -196,7 +207,9 @@ def member_faults(manifests, workload):
         if "LUMIFOLD_STORE" not in [variable["name"] for variable in container.get("env", [])]:
             yield f"{name_of(workload)}: {replicas} coordinators have no PostgreSQL"
         ports = set(ports_of(container).values())
-        addresses = [a.removeprefix("--advertise=") for a in container["args"] if a.startswith("--advertise=")]
+        addresses = [
+            a.removeprefix("--advertise=") for a in container["args"] if a.startswith("--advertise=")
+        ]
         if addresses not in [[f"$(POD).{workload['spec'].get('serviceName')}:{port}"] for port in ports]:
             yield f"{name_of(workload)}: others do not reach each of {replicas} coordinators at {addresses}"
 
@@ -220,7 +233,8 @@ def address_faults(manifests):
                 if len(addresses) > 1 and {address.split(":")[0] for address in addresses} != pods:
                     yield f"{name_of(workload)}: the coordinators are {sorted(pods)}"
         service = workload["spec"].get("serviceName")
-        if workload["kind"] == "StatefulSet" and services.get(service, {"spec": {}})["spec"].get("clusterIP") != "None":
+        if workload["kind"] == "StatefulSet" and services.get(
+                service, {"spec": {}})["spec"].get("clusterIP") != "None":
             yield f"{name_of(workload)}: there is no headless service {service}"
 
 
@@ -248,11 +262,13 @@ def figures_of(scaler):
         return [(metric["external"]["metric"]["name"], metric["external"]["target"]["averageValue"])
                 for metric in scaler["spec"]["metrics"]]
     triggers = [trigger["metadata"] for trigger in scaler["spec"]["triggers"]]
-    return [(trigger["query"].removeprefix("sum(").removesuffix(")"), trigger["threshold"]) for trigger in triggers]
+    return [(trigger["query"].removeprefix("sum(").removesuffix(")"), trigger["threshold"])
+            for trigger in triggers]
 
 
 def trigger_faults(trigger):
-    """That a trigger of KEDA asks for a sum over all coordinators, and takes missing figures for no queue of zero."""
+    """That a trigger of KEDA asks for a sum over all coordinators, and takes missing figures for no queue of
+    zero."""
     if trigger["type"] != "prometheus":
         yield f"a trigger is {trigger['type']}"
     if not re.fullmatch(r"sum\(\w+\)", trigger["metadata"]["query"]):
@@ -300,4 +316,6 @@ def faults(manifests, adapter):
         found += [f"{name_of(workload)}: {fault}" for fault in workload_faults(manifests, workload)]
     for service in of_kind(manifests, "Service"):
         found += [f"{name_of(service)}: {fault}" for fault in service_faults(manifests, service)]
-    return [*found, *address_faults(manifests), *policy_faults(manifests), *scaling_faults(manifests, adapter)]
+    return [
+        *found, *address_faults(manifests), *policy_faults(manifests), *scaling_faults(manifests, adapter)
+    ]

@@ -1,4 +1,5 @@
-"""The commands of docs/clusters.md and docs/operations.md are those that the programs, manifests and images know."""
+"""The commands of docs/clusters.md and docs/operations.md are those that the programs, manifests and images
+know."""
 
 import re
 import shlex
@@ -14,8 +15,13 @@ OPERATIONS = programs.ROOT / "docs/operations.md"
 
 def commands(section):
     """The commands of a section's block, as words."""
-    block = re.search(rf"<!-- {section}: begin -->\n```sh\n(.*?)```\n<!-- {section}: end -->", PAGE.read_text(), re.S)[1]
-    return [part.split() for line in block.splitlines() for part in shlex.join(shlex.split(line, comments=True)).split(" '&' ")]
+    block = re.search(rf"<!-- {section}: begin -->\n```sh\n(.*?)```\n<!-- {section}: end -->",
+                      PAGE.read_text(), re.S)[1]
+    return [
+        part.split()
+        for line in block.splitlines()
+        for part in shlex.join(shlex.split(line, comments=True)).split(" '&' ")
+    ]
 
 
 def program_faults(words):
@@ -23,7 +29,10 @@ def program_faults(words):
     program, rest = words[0], words[1:]
     subcommand = rest[:1] if rest and not rest[0].startswith("-") else []
     flags = programs.flags_of(program, *subcommand)
-    return [f"{program} {subcommand} has no {word}" for word in rest if word.startswith("--") and word not in flags]
+    return [
+        f"{program} {subcommand} has no {word}" for word in rest
+        if word.startswith("--") and word not in flags
+    ]
 
 
 class ManualTest(unittest.TestCase):
@@ -42,19 +51,27 @@ class ManualTest(unittest.TestCase):
     def test_the_runbook_names_what_there_is(self):
         text = OPERATIONS.read_text()
         code = re.findall(r"`(lumifold[^`]*)`", text)
-        used = {tuple(words[:2]) for words in map(str.split, code) if words[1:] and re.fullmatch("[a-z][a-z-]+", words[1])}
+        used = {
+            tuple(words[:2])
+            for words in map(str.split, code)
+            if words[1:] and re.fullmatch("[a-z][a-z-]+", words[1])
+        }
         self.assertGreaterEqual(len(used), 20)
         for program, subcommand in sorted(used):
             programs.flags_of(program, subcommand)  # fails where there is none
-        known = {flag for program, *subcommand in [*used, ("lumifold", "submit"), ("lumifold-server",), ("lumifold-worker",),
-                                                   ("lumifold-autoscale",)]
-                 for flag in programs.flags_of(program, *subcommand)}
+        known = {
+            flag for program, *subcommand in [
+                *used, ("lumifold",
+                        "submit"), ("lumifold-server",), ("lumifold-worker",), ("lumifold-autoscale",)
+            ] for flag in programs.flags_of(program, *subcommand)
+        }
         runbook = text[text.index("## Runbook"):text.index("## Limits")]
         flags = set(re.findall(r"`[^`]*?(--[a-z-]+)[^`]*`", runbook))
         self.assertGreaterEqual(len(flags), 5)
         self.assertEqual(flags - known, set())
         events = set(re.findall(r"`([a-z]+_[a-z_]+)`", runbook))
-        self.assertEqual([event for event in events if f"| `{event}`" not in text and f"`{event}`," not in text], [])
+        self.assertEqual(
+            [event for event in events if f"| `{event}`" not in text and f"`{event}`," not in text], [])
 
     def test_images_are_built_as_the_dockerfile_says(self):
         text = programs.DOCKERFILE.read_text()

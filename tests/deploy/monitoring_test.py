@@ -1,5 +1,5 @@
-"""Alert rules, dashboard and example of a configuration in deploy/monitoring: checked by Prometheus' own tool, and each
-expression compared with what a real coordinator and a real worker show."""
+"""Alert rules, dashboard and example of a configuration in deploy/monitoring: checked by Prometheus' own
+tool, and each expression compared with what a real coordinator and a real worker show."""
 
 import json
 import pathlib
@@ -27,7 +27,10 @@ def alerts():
 
 
 def panels(kind):
-    return [panel for panel in json.loads((FOLDER / "dashboard.json").read_text())["panels"] if panel["type"] == kind]
+    return [
+        panel for panel in json.loads((FOLDER / "dashboard.json").read_text())["panels"]
+        if panel["type"] == kind
+    ]
 
 
 def dashboard_expressions():
@@ -91,14 +94,17 @@ class ExpressionsTest(unittest.TestCase):
     def test_the_dashboard_shows_every_metric(self):
         asked = " ".join(dashboard_expressions())
         bases = {re.sub(r"_(bucket|sum|count)$", "", name) for name in self.shown}
-        self.assertEqual([name for name in sorted(bases) if not re.search(rf"\b{name}(_bucket|_sum|_count)?\b", asked)], [])
-        self.assertEqual([row["title"] for row in panels("row")], ["Queue", "Workers", "Throughput", "Storage", "Filter",
-                                                                 "Each worker", "Processes"])
+        self.assertEqual(
+            [name for name in sorted(bases) if not re.search(rf"\b{name}(_bucket|_sum|_count)?\b", asked)],
+            [])
+        self.assertEqual([row["title"] for row in panels("row")],
+                         ["Queue", "Workers", "Throughput", "Storage", "Filter", "Each worker", "Processes"])
 
     def test_what_is_wrong_is_found(self):
-        for wrong in ("lumifold_unit_queued > 0", "rate(lumifold_lease_expiry_total[5m])", 'up{colour="red"} == 0',
-                      'lumifold_workers{state="asleep"} > 0', 'lumifold_workers{mood="idle"} > 0',
-                      "sum by (colour) (lumifold_workers)", "lumifold_ledger_commit_seconds > 1", "maximum(lumifold_jobs)"):
+        for wrong in ("lumifold_unit_queued > 0", "rate(lumifold_lease_expiry_total[5m])",
+                      'up{colour="red"} == 0', 'lumifold_workers{state="asleep"} > 0',
+                      'lumifold_workers{mood="idle"} > 0', "sum by (colour) (lumifold_workers)",
+                      "lumifold_ledger_commit_seconds > 1", "maximum(lumifold_jobs)"):
             self.assertNotEqual(list(faults(wrong, self.shown)), [], wrong)
 
 
@@ -120,7 +126,8 @@ class PromtoolTest(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             shutil.copy(FOLDER / "alerts_test.yml", folder)
             # Never, and always: then where a test expects no alert.
-            for wrong, found in (("vector(1) > 2", r"alertname: (\w+)"), ("vector(1)", r"alertname: (\w+), time: \w+, \n +exp:\[\]")):
+            for wrong, found in (("vector(1) > 2", r"alertname: (\w+)"),
+                                 ("vector(1)", r"alertname: (\w+), time: \w+, \n +exp:\[\]")):
                 pathlib.Path(folder, "alerts.yml").write_text(re.sub(r"expr: .+", f"expr: {wrong}", rules))
                 done = promtool("test", "rules", pathlib.Path(folder, "alerts_test.yml"))
                 self.assertEqual(set(re.findall(found, done.stdout + done.stderr)), set(alerts()), wrong)
@@ -128,7 +135,8 @@ class PromtoolTest(unittest.TestCase):
     def test_the_dashboard_has_valid_expressions(self):
         def check(expressions):
             with tempfile.TemporaryDirectory() as folder:
-                rules = [{"record": f"panel:{number}", "expr": expression} for number, expression in enumerate(expressions)]
+                rules = [{"record": f"panel:{number}", "expr": expression}
+                         for number, expression in enumerate(expressions)]
                 path = pathlib.Path(folder, "rules.yml")
                 path.write_text(json.dumps({"groups": [{"name": "dashboard", "rules": rules}]}))
                 return promtool("check", "rules", path).returncode

@@ -35,7 +35,11 @@ def install():
 
 
 def run(script, *arguments, stdin=""):
-    done = subprocess.run(["node", script, *map(str, arguments)], cwd=FOLDER, input=stdin, text=True, capture_output=True)
+    done = subprocess.run(["node", script, *map(str, arguments)],
+                          cwd=FOLDER,
+                          input=stdin,
+                          text=True,
+                          capture_output=True)
     if done.returncode != 0:
         raise ValueError(done.stderr)
     return done.stdout

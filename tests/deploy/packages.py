@@ -12,11 +12,13 @@ BUILD = programs.BIN.parent
 
 
 def build(folder, version=None):
-    """The packages' files, by name. With another `version` they are newer or older packages of the same programs."""
+    """The packages' files, by name. With another `version` they are newer or older packages of the same
+    programs."""
     options = ["-D", "CPACK_DEBIAN_COMPRESSION_TYPE=gzip"]  # as its default, xz, in less time
     if version:
         options += ["-D", f"CPACK_PACKAGE_VERSION={version}"]
-    done = subprocess.run(["cpack", "--config", BUILD / "CPackConfig.cmake", "-B", folder, *options], text=True,
+    done = subprocess.run(["cpack", "--config", BUILD / "CPackConfig.cmake", "-B", folder, *options],
+                          text=True,
                           capture_output=True)
     if done.returncode != 0:
         raise ValueError(done.stdout + done.stderr)
@@ -27,12 +29,14 @@ def build(folder, version=None):
 
 
 def field(file, name):
-    return subprocess.run(["dpkg-deb", "-f", file, name], text=True, capture_output=True, check=True).stdout.strip()
+    return subprocess.run(["dpkg-deb", "-f", file, name], text=True, capture_output=True,
+                          check=True).stdout.strip()
 
 
 def contents(file):
     """Path of each file in a package, and its rights as ls shows them."""
-    lines = subprocess.run(["dpkg-deb", "-c", file], text=True, capture_output=True, check=True).stdout.splitlines()
+    lines = subprocess.run(["dpkg-deb", "-c", file], text=True, capture_output=True,
+                           check=True).stdout.splitlines()
     split = (re.match(r"(\S+) (\S+) +\d+ \S+ \S+ \.(/.*)$", line).groups() for line in lines)
     return {path: (rights, owner) for rights, owner, path in split if not path.endswith("/")}
 

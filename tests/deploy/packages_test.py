@@ -1,4 +1,5 @@
-"""The Debian packages: what is in them, what Debian's own checks say, what systemd thinks of the units, and the inventories."""
+"""The Debian packages: what is in them, what Debian's own checks say, what systemd thinks of the units, and
+the inventories."""
 
 import gzip
 import json
@@ -17,7 +18,8 @@ import programs
 
 UNITS = programs.ROOT / "deploy/systemd"
 DEFAULTS = programs.ROOT / "deploy/packages/default"
-# What Debian's checker may say. The packages are not in Debian's archive, and those who build them put their own address into
+# What Debian's checker may say. The packages are not in Debian's archive, and those who build them put their
+# own address into
 # LUMIFOLD_PACKAGE_CONTACT.
 EXPECTED_TAGS = {"bogus-mail-host", "bogus-mail-host-in-debian-changelog", "initial-upload-closes-no-bugs"}
 MOST_EXPOSED = 2.0  # of 10, as systemd-analyze counts
@@ -40,36 +42,57 @@ class PackagesTest(unittest.TestCase):
             needed = {re.match(r"[^ :(]+", word)[0] for word in packages.field(file, "Depends").split(", ")}
             needed = {re.sub(r"^(libspdlog.*)-fmt\d+$", r"\1", one) for one in needed}  # a virtual package
             self.assertEqual(needed, set(programs.runtime_packages(name)), name)
-            self.assertRegex(packages.field(file, "Description"), r"^[a-z]+ of the Lumifold render farm\n [A-Z]")
+            self.assertRegex(packages.field(file, "Description"),
+                             r"^[a-z]+ of the Lumifold render farm\n [A-Z]")
 
     def test_files(self):
         for name, file in self.files.items():
             contents = packages.contents(file)
             self.assertEqual({owner for _, owner in contents.values()}, {"root/root"})
-            self.assertEqual([path for path, (rights, _) in contents.items() if "x" in rights], [f"/usr/bin/{name}"])
-            expected = {f"/usr/bin/{name}", *(f"/usr/share/doc/{name}/{file}" for file in
-                                              ("copyright", "changelog.gz", "changelog.Debian.gz", f"{name}.cdx.json"))}
+            self.assertEqual([path for path, (rights, _) in contents.items() if "x" in rights],
+                             [f"/usr/bin/{name}"])
+            expected = {
+                f"/usr/bin/{name}",
+                *(f"/usr/share/doc/{name}/{file}"
+                  for file in ("copyright", "changelog.gz", "changelog.Debian.gz", f"{name}.cdx.json"))
+            }
             if name in packages.SERVICES:
-                expected |= {f"/usr/lib/systemd/system/{name}.service", f"/etc/default/{name}", f"/usr/share/man/man8/{name}.8.gz"}
+                expected |= {
+                    f"/usr/lib/systemd/system/{name}.service", f"/etc/default/{name}",
+                    f"/usr/share/man/man8/{name}.8.gz"
+                }
             else:
                 commands = re.findall(r"^  ([a-z][a-z-]+) +[A-Z]", programs.run(name, "--help").stdout, re.M)
-                expected |= {f"/usr/share/man/man1/lumifold{suffix}.1.gz" for suffix in ["", *(f"-{one}" for one in commands)]}
-                expected |= {"/usr/share/bash-completion/completions/lumifold", "/usr/share/zsh/vendor-completions/_lumifold",
-                             "/usr/share/fish/vendor_completions.d/lumifold.fish"}
+                expected |= {
+                    f"/usr/share/man/man1/lumifold{suffix}.1.gz"
+                    for suffix in ["", *(f"-{one}" for one in commands)]
+                }
+                expected |= {
+                    "/usr/share/bash-completion/completions/lumifold",
+                    "/usr/share/zsh/vendor-completions/_lumifold",
+                    "/usr/share/fish/vendor_completions.d/lumifold.fish"
+                }
             self.assertEqual(set(contents), expected)
 
     def test_manual_pages_are_those_of_the_programs(self):
         page = gzip.decompress((self.root / "usr/share/man/man1/lumifold-submit.1.gz").read_bytes()).decode()
         self.assertEqual(page, programs.run("lumifold", "man", "submit").stdout)
         for name in packages.SERVICES:
-            page = gzip.decompress((self.root / f"usr/share/man/man8/{name}.8.gz").read_bytes()).decode().replace("\\", "")
+            page = gzip.decompress(
+                (self.root / f"usr/share/man/man8/{name}.8.gz").read_bytes()).decode().replace("\\", "")
             for flag in programs.flags_of(name):
                 self.assertIn(flag, page)
             self.assertNotIn(os.uname().nodename + ":", page)
 
     def test_debians_checker(self):
-        done = subprocess.run(["lintian", "--allow-root", *self.files.values()], text=True, capture_output=True)
-        tags = {line.split(": ")[2].split()[0]: line for line in done.stdout.splitlines() if line[:2] in ("E:", "W:")}
+        done = subprocess.run(["lintian", "--allow-root", *self.files.values()],
+                              text=True,
+                              capture_output=True)
+        tags = {
+            line.split(": ")[2].split()[0]: line
+            for line in done.stdout.splitlines()
+            if line[:2] in ("E:", "W:")
+        }
         self.assertEqual([line for tag, line in tags.items() if tag not in EXPECTED_TAGS], [], done.stderr)
 
     def test_scripts_are_those_of_a_shell(self):
@@ -102,9 +125,11 @@ class UnitsTest(unittest.TestCase):
         self.assertEqual(re.findall(r"^\| `(\S+)` \|", text, re.M), list(packages.PACKAGES))
         for name in re.findall(r"/etc/default/(\S+?)`", text):
             self.assertIn(name, packages.SERVICES)
-        for words in (line.split() for line in re.findall(r"(lumifold-worker enroll .*|^lumifold .*)", text, re.M)):
+        for words in (
+                line.split() for line in re.findall(r"(lumifold-worker enroll .*|^lumifold .*)", text, re.M)):
             flags = programs.flags_of(*words[:2])
-            self.assertEqual([word for word in words if word.startswith("--") and word not in flags], [], words)
+            self.assertEqual([word for word in words if word.startswith("--") and word not in flags], [],
+                             words)
 
     def test_command_lines(self):
         for name in packages.SERVICES:
@@ -113,24 +138,35 @@ class UnitsTest(unittest.TestCase):
             self.assertEqual(program, f"/usr/bin/{name}")
             variable = words.pop()
             self.assertRegex(variable, r"^\$LUMIFOLD_[A-Z]+_OPTIONS$")
-            self.assertEqual(packages.unit_options(UNITS / f"{name}.service", "EnvironmentFile"), [f"-/etc/default/{name}"])
+            self.assertEqual(packages.unit_options(UNITS / f"{name}.service", "EnvironmentFile"),
+                             [f"-/etc/default/{name}"])
             flags = programs.flags_of(name)
             self.assertEqual([word for word in words if word.startswith("--") and word not in flags], [])
             # The examples of the options are command lines too.
             (example,) = re.findall(rf'^#{variable[1:]}="(.*)"$', (DEFAULTS / name).read_text(), re.M)
-            self.assertEqual([word for word in example.split() if word.startswith("--") and word not in flags], [])
-            self.assertEqual(re.findall(rf'^{variable[1:]}="(.*)"$', (DEFAULTS / name).read_text(), re.M), [""])
+            self.assertEqual(
+                [word for word in example.split() if word.startswith("--") and word not in flags], [])
+            self.assertEqual(re.findall(rf'^{variable[1:]}="(.*)"$', (DEFAULTS / name).read_text(), re.M),
+                             [""])
 
-    @unittest.skipUnless(shutil.which("systemd-analyze"), "systemd is not installed (deploy/setup.sh --tests)")
+    @unittest.skipUnless(shutil.which("systemd-analyze"),
+                         "systemd is not installed (deploy/setup.sh --tests)")
     def test_systemd_understands_them_and_finds_them_closed(self):
         with tempfile.TemporaryDirectory() as folder:
             for name in packages.SERVICES:
                 unit = pathlib.Path(folder) / f"{name}.service"
                 unit.write_text((UNITS / unit.name).read_text().replace("/usr/bin/", f"{programs.BIN}/"))
-                done = subprocess.run(["systemd-analyze", "verify", "--man=no", "--recursive-errors=no", unit], text=True, capture_output=True)
+                done = subprocess.run(
+                    ["systemd-analyze", "verify", "--man=no", "--recursive-errors=no", unit],
+                    text=True,
+                    capture_output=True)
                 self.assertEqual((done.returncode, done.stderr), (0, ""))
-                done = subprocess.run(["systemd-analyze", "security", "--offline=true", f"--threshold={MOST_EXPOSED * 10:.0f}", unit],
-                                      text=True, capture_output=True)
+                done = subprocess.run([
+                    "systemd-analyze", "security", "--offline=true", f"--threshold={MOST_EXPOSED * 10:.0f}",
+                    unit
+                ],
+                                      text=True,
+                                      capture_output=True)
                 self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
 
 

@@ -1,6 +1,7 @@
-"""Runs pods as their manifests say, in real containers (crun): image from the Dockerfile's packages and commands, user,
-read-only root, no capabilities, seccomp, volumes with the rights that Kubernetes gives them. What is missing: limits of
-resources, since the tests cannot rely on a control group of their own, and kubelet."""
+"""Runs pods as their manifests say, in real containers (crun): image from the Dockerfile's packages and
+commands, user, read-only root, no capabilities, seccomp, volumes with the rights that Kubernetes gives them.
+What is missing: limits of resources, since the tests cannot rely on a control group of their own, and
+kubelet."""
 
 import copy
 import json
@@ -13,14 +14,27 @@ import programs
 
 SECCOMP = pathlib.Path("/usr/share/containers/seccomp.json")
 TOOLS = ("crun", "mmdebstrap", "ip", "unshare")
-# crun does not take the mixed hierarchy of control groups that some machines have; it needs none for what is tested.
-CRUN = ["unshare", "--mount", "sh", "-euc", "umount -R /sys/fs/cgroup; mount -t cgroup2 none /sys/fs/cgroup; exec \"$@\"", "sh",
-        "crun", "--cgroup-manager=disabled"]
+# crun does not take the mixed hierarchy of control groups that some machines have; it needs none for what is
+# tested.
+CRUN = [
+    "unshare", "--mount", "sh", "-euc",
+    "umount -R /sys/fs/cgroup; mount -t cgroup2 none /sys/fs/cgroup; exec \"$@\"", "sh", "crun",
+    "--cgroup-manager=disabled"
+]
 MOUNTS = [
     {"destination": "/proc", "type": "proc", "source": "proc"},
-    {"destination": "/dev", "type": "tmpfs", "source": "tmpfs", "options": ["nosuid", "mode=755", "size=65536k"]},
-    {"destination": "/dev/pts", "type": "devpts", "source": "devpts", "options": ["nosuid", "noexec", "newinstance"]},
-    {"destination": "/dev/shm", "type": "tmpfs", "source": "shm", "options": ["nosuid", "noexec", "nodev", "size=65536k"]},
+    {
+        "destination": "/dev", "type": "tmpfs", "source": "tmpfs",
+        "options": ["nosuid", "mode=755", "size=65536k"]
+    },
+    {
+        "destination": "/dev/pts", "type": "devpts", "source": "devpts",
+        "options": ["nosuid", "noexec", "newinstance"]
+    },
+    {
+        "destination": "/dev/shm", "type": "tmpfs", "source": "shm",
+        "options": ["nosuid", "noexec", "nodev", "size=65536k"]
+    },
 ]
 MASKED = ["/proc/acpi", "/proc/kcore", "/proc/keys", "/proc/timer_list", "/proc/sched_debug", "/proc/scsi"]
 READ_ONLY = ["/proc/bus", "/proc/fs", "/proc/irq", "/proc/sys", "/proc/sysrq-trigger"]
@@ -31,28 +45,36 @@ def are_available():
 
 
 def runtime_default(refused=()):
-    """The seccomp profile that container engines use by default, for a container without capabilities. The system calls
-    `refused` fail with EPERM, as in older profiles."""
+    """The seccomp profile that container engines use by default, for a container without capabilities. The
+    system calls `refused` fail with EPERM, as in older profiles."""
     profile = json.loads(SECCOMP.read_text())
     rules = []
     for rule in profile["syscalls"]:
         includes, excludes = rule.get("includes") or {}, rule.get("excludes") or {}
-        if includes.get("caps") or "amd64" not in includes.get("arches", ["amd64"]) or "amd64" in excludes.get("arches", []):
+        if includes.get("caps") or "amd64" not in includes.get(
+                "arches", ["amd64"]) or "amd64" in excludes.get("arches", []):
             continue
         kept = {key: rule[key] for key in ("action", "args", "errnoRet") if rule.get(key) is not None}
         if names := [name for name in rule["names"] if name not in refused]:
             rules.append({"names": names, **kept})
-    return {"defaultAction": profile["defaultAction"], "defaultErrnoRet": 1 if refused else profile.get("defaultErrnoRet", 1),
-            "architectures": ["SCMP_ARCH_X86_64"], "syscalls": rules}
+    return {
+        "defaultAction": profile["defaultAction"],
+        "defaultErrnoRet": 1 if refused else profile.get("defaultErrnoRet", 1),
+        "architectures": ["SCMP_ARCH_X86_64"], "syscalls": rules
+    }
 
 
 def make_image(name, folder):
-    """The root file system of an image: what its stages of the Dockerfile install and run, and the program."""
+    """The root file system of an image: what its stages of the Dockerfile install and run, and the
+    program."""
     image, stages = programs.images()[name], programs.stages()
     stage = next(s for s in stages.values() if s.of("ENTRYPOINT") == [f'["{image["program"]}"]'])
     root = pathlib.Path(folder) / name
     packages = ",".join(programs.runtime_packages(image["program"]))
-    subprocess.run(["mmdebstrap", "--quiet", "--variant=minbase", f"--include={packages}", programs.suite(), root], check=True)
+    subprocess.run(
+        ["mmdebstrap", "--quiet", "--variant=minbase", f"--include={packages}",
+         programs.suite(), root],
+        check=True)
     for command in [*stages[stage.base].of("RUN"), *stage.of("RUN")]:
         if "apt-get" not in command:
             subprocess.run(["chroot", root, "/bin/sh", "-euc", command], check=True)
@@ -64,7 +86,8 @@ def make_image(name, folder):
 
 
 class Pod:
-    """A pod of a workload. `volumes` are folders by the volumes' names; its network is the namespace `network`."""
+    """A pod of a workload. `volumes` are folders by the volumes' names; its network is the namespace
+    `network`."""
 
     def __init__(self, workload, name, *, images, folder, volumes, network, seccomp=None):
         self.spec, self.name, self.images = copy.deepcopy(workload["spec"]["template"]["spec"]), name, images
@@ -85,17 +108,24 @@ class Pod:
             self.run(container, f"{self.name}-{container['name']}")
         bundle = self.bundle(self.spec["containers"][0], self.name)
         with open(self.log, "a") as log:
-            self.process = subprocess.Popen([*self.crun(), "run", "--bundle", bundle, self.name], stdout=log, stderr=log)
+            self.process = subprocess.Popen([*self.crun(), "run", "--bundle", bundle, self.name],
+                                            stdout=log,
+                                            stderr=log)
 
     def run(self, container, name):
-        done = subprocess.run([*self.crun(), "run", "--bundle", self.bundle(container, name), name], capture_output=True, text=True)
+        done = subprocess.run([*self.crun(), "run", "--bundle",
+                               self.bundle(container, name), name],
+                              capture_output=True,
+                              text=True)
         if done.returncode != 0:
             raise AssertionError(f"{name}: exit {done.returncode}\n{done.stdout}{done.stderr}")
 
     def execute(self, *command):
         """Runs a command in the container, as a probe does."""
         user = "{runAsUser}:{runAsGroup}".format(**self.spec["securityContext"])  # crun's own default is root
-        return subprocess.run([*self.crun(), "exec", "--user", user, self.name, *command], capture_output=True, text=True)
+        return subprocess.run([*self.crun(), "exec", "--user", user, self.name, *command],
+                              capture_output=True,
+                              text=True)
 
     def probe(self, kind):
         return self.execute(*self.spec["containers"][0][kind]["exec"]["command"])
@@ -119,32 +149,45 @@ class Pod:
         fields = {"metadata.name": self.name, "metadata.namespace": self.namespace}
         found = {"PATH": "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"}
         for variable in container.get("env", []):
-            found[variable["name"]] = variable.get("value") or fields[variable["valueFrom"]["fieldRef"]["fieldPath"]]
+            found[variable["name"]] = variable.get("value") or fields[variable["valueFrom"]["fieldRef"]
+                                                                      ["fieldPath"]]
         return found
 
     def bundle(self, container, name):
         """A folder with the container's config.json."""
         image = container["image"].split("/")[-1].split(":")[0]
         environment, security = self.environment(container), self.spec["securityContext"]
-        words = [*(container.get("command") or [programs.images()[image]["program"]]), *container.get("args", [])]
+        words = [
+            *(container.get("command") or [programs.images()[image]["program"]]), *container.get("args", [])
+        ]
         for key, value in environment.items():
             words = [word.replace(f"$({key})", value) for word in words]
         hosts = self.folder / "hosts"
         hosts.write_text("127.0.0.1 localhost lumifold\n::1 localhost\n")
-        binds = [(self.volumes[m["name"]], m["mountPath"], m.get("readOnly", False)) for m in container["volumeMounts"]]
+        binds = [(self.volumes[m["name"]], m["mountPath"], m.get("readOnly", False))
+                 for m in container["volumeMounts"]]
         config = {
-            "ociVersion": "1.0.0", "hostname": self.name,
-            "root": {"path": str(self.images[image]), "readonly": container["securityContext"]["readOnlyRootFilesystem"]},
-            "process": {
-                "user": {"uid": security["runAsUser"], "gid": security["runAsGroup"], "additionalGids": [security["fsGroup"]]},
-                "args": words, "env": [f"{key}={value}" for key, value in environment.items()], "cwd": "/",
-                "noNewPrivileges": not container["securityContext"]["allowPrivilegeEscalation"], "capabilities": {}},
-            "mounts": [*MOUNTS, *({"destination": to, "type": "bind", "source": str(source),
-                                   "options": ["rbind", "ro" if is_read_only else "rw", "nosuid", "nodev"]}
-                                  for source, to, is_read_only in [*binds, (hosts, "/etc/hosts", True)])],
-            "linux": {"namespaces": [{"type": "pid"}, {"type": "mount"}, {"type": "ipc"}, {"type": "uts"},
-                                     {"type": "network", "path": f"/run/netns/{self.network}"}],
-                      "maskedPaths": MASKED, "readonlyPaths": READ_ONLY, "seccomp": self.seccomp}}
+            "ociVersion": "1.0.0", "hostname": self.name, "root": {
+                "path": str(self.images[image]), "readonly": container["securityContext"]
+                                                             ["readOnlyRootFilesystem"]
+            }, "process": {
+                "user": {
+                    "uid": security["runAsUser"], "gid": security["runAsGroup"],
+                    "additionalGids": [security["fsGroup"]]
+                }, "args": words, "env": [f"{key}={value}" for key, value in environment.items()], "cwd": "/",
+                "noNewPrivileges": not container["securityContext"]["allowPrivilegeEscalation"],
+                "capabilities": {}
+            }, "mounts": [
+                *MOUNTS, *({
+                    "destination": to, "type": "bind", "source": str(source),
+                    "options": ["rbind", "ro" if is_read_only else "rw", "nosuid", "nodev"]
+                } for source, to, is_read_only in [*binds, (hosts, "/etc/hosts", True)])
+            ], "linux": {
+                "namespaces": [{"type": "pid"}, {"type": "mount"}, {"type": "ipc"}, {"type": "uts"},
+                               {"type": "network", "path": f"/run/netns/{self.network}"}],
+                "maskedPaths": MASKED, "readonlyPaths": READ_ONLY, "seccomp": self.seccomp
+            }
+        }
         bundle = self.folder / f"bundle-{name}"
         bundle.mkdir(exist_ok=True)
         (bundle / "config.json").write_text(json.dumps(config))

@@ -29,11 +29,15 @@ def flags_of(program, *subcommand):
     """The options of a program as `--help` tells them: whether each takes a value."""
     text = run(program, *subcommand, "--help").stdout
     options = text.split("Subcommands:")[0]
-    return {name: bool(value) for name, value in re.findall(r"^  (?:-\w,)?(--[\w-]+)(?: (TEXT|INT|UINT|FLOAT))?", options, re.M)}
+    return {
+        name: bool(value)
+        for name, value in re.findall(r"^  (?:-\w,)?(--[\w-]+)(?: (TEXT|INT|UINT|FLOAT))?", options, re.M)
+    }
 
 
 def flag_faults(program, words):
-    """What is wrong with a command line: unknown options, missing or superfluous values, values out of range."""
+    """What is wrong with a command line: unknown options, missing or superfluous values, values out of
+    range."""
     return faults_of_command(program, tuple(words))
 
 
@@ -63,12 +67,14 @@ def value_of(words, name):
 
 @functools.cache
 def metrics_texts():
-    """What a real coordinator shows to Prometheus once a worker with 2 threads is connected, and what the worker shows."""
+    """What a real coordinator shows to Prometheus once a worker with 2 threads is connected, and what the
+    worker shows."""
     with tempfile.TemporaryDirectory() as data, Farm(data, "--metrics-address", "0") as farm:
         worker = farm.start_worker("--metrics-address", "0", threads=2)
 
         def scrape(process):
-            address = wait_until(lambda: re.search(r"event=metrics address=(\S+)", process.log_text()), "the endpoint")[1]
+            address = wait_until(lambda: re.search(r"event=metrics address=(\S+)", process.log_text()),
+                                 "the endpoint")[1]
             with urllib.request.urlopen(f"http://{address}/metrics") as answer:
                 return answer.read().decode()
 
@@ -117,16 +123,23 @@ def stages():
 
 @functools.cache
 def images():
-    """Program, user and ports of each image that the Dockerfile's head says how to build, by the image's name."""
+    """Program, user and ports of each image that the Dockerfile's head says how to build, by the image's
+    name."""
     found = {}
-    for target, name, tag in re.findall(r"^#   docker build .* --target (\w+) -t ([\w-]+):(\S+) \.$", DOCKERFILE.read_text(), re.M):
+    for target, name, tag in re.findall(r"^#   docker build .* --target (\w+) -t ([\w-]+):(\S+) \.$",
+                                        DOCKERFILE.read_text(), re.M):
         stage = stages()[target]
-        found[name] = {"program": shlex.split(stage.of("ENTRYPOINT")[0].strip("[]"))[0], "user": stage.of("USER")[0],
-                       "ports": {int(port) for ports in stage.of("EXPOSE") for port in ports.split()}, "tag": tag}
+        found[name] = {
+            "program": shlex.split(stage.of("ENTRYPOINT")[0].strip("[]"))[0], "user": stage.of("USER")[0],
+            "ports": {int(port) for ports in stage.of("EXPOSE") for port in ports.split()}, "tag": tag
+        }
     return found
 
 
 def runtime_packages(program):
     """Debian packages of the libraries that a program is linked with: what its image installs."""
-    done = subprocess.run([ROOT / "deploy/container/runtime_packages.sh", BIN / program], text=True, capture_output=True, check=True)
+    done = subprocess.run([ROOT / "deploy/container/runtime_packages.sh", BIN / program],
+                          text=True,
+                          capture_output=True,
+                          check=True)
     return done.stdout.split()

@@ -1,4 +1,5 @@
-"""Real processes over TLS: who gets in, who does not, and what a revocation and a renewal do to those who are in."""
+"""Real processes over TLS: who gets in, who does not, and what a revocation and a renewal do to those who are
+in."""
 
 import json
 import os
@@ -35,7 +36,15 @@ class SecureFarm(Farm):
     def join(self, command, code, *options, profile="default", check=True, address=None):
         """lumifold login, or lumifold-worker enroll; the code goes over standard input."""
         program = {"login": "lumifold", "enroll": "lumifold-worker"}[command]
-        return run(program, command, address or self.address, "-", "--profile", profile, *options, input=code, check=check)
+        return run(program,
+                   command,
+                   address or self.address,
+                   "-",
+                   "--profile",
+                   profile,
+                   *options,
+                   input=code,
+                   check=check)
 
     def invite(self, *arguments):
         return self.client("invite", *arguments).stdout.strip()
@@ -48,8 +57,13 @@ class SecureFarm(Farm):
 
     def handshake(self, *arguments):
         """openssl s_client against the coordinator; returns the finished process."""
-        return subprocess.run(["openssl", "s_client", "-connect", self.address, "-alpn", "h2", *map(str, arguments)],
-                              input="", capture_output=True, text=True, errors="replace", timeout=60)
+        return subprocess.run(
+            ["openssl", "s_client", "-connect", self.address, "-alpn", "h2", *map(str, arguments)],
+            input="",
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=60)
 
     def server_certificate(self):
         return ssl.get_server_certificate(tuple(self.address.split(":")))
@@ -96,11 +110,14 @@ class AccessTest(unittest.TestCase):
         self.assertEqual(json.loads(self.farm.client(*whoami).stdout)["scopes"], ["read", "submit", "admin"])
         self.invite_person("ann", "--scope", "read")
         self.assertEqual(json.loads(run("lumifold", *whoami, "--profile", "ann").stdout)["name"], "ann")
-        self.expect_failure(run("lumifold", *whoami, "--profile", "ann", "--server", "127.0.0.1:1", check=False),
-                            "is of " + self.farm.address)
+        self.expect_failure(
+            run("lumifold", *whoami, "--profile", "ann", "--server", "127.0.0.1:1", check=False),
+            "is of " + self.farm.address)
         run("lumifold", "logout", "--profile", "ann")
         self.assertFalse((self.farm.profiles / "ann").exists())
-        self.expect_failure(run("lumifold", "logout", "--profile", "ann", check=False), "no profile 'ann'", code=4)
+        self.expect_failure(run("lumifold", "logout", "--profile", "ann", check=False),
+                            "no profile 'ann'",
+                            code=4)
 
     def test_secrets_are_for_their_user_alone(self):
         for folder in (self.farm.profiles, self.farm.root / "data" / "access"):
@@ -119,7 +136,8 @@ class AccessTest(unittest.TestCase):
         data = self.farm.root / "data"
         port = self.farm.address.rsplit(":", 1)[1]
         for server in (self.farm.address, f"localhost:{port}"):
-            self.assertEqual(run("lumifold-server", "health", "--data", data, "--server", server).stdout, "ok\n")
+            self.assertEqual(
+                run("lumifold-server", "health", "--data", data, "--server", server).stdout, "ok\n")
         with tempfile.TemporaryDirectory() as other:
             run("lumifold-server", "init", "--data", other)
             for options in (("--data", other), ()):  # another authority, and none
@@ -134,22 +152,30 @@ class AccessTest(unittest.TestCase):
         self.farm.enroll("node-3", "node-3")
         self.farm.client("block", "node-3", "--reason", "test")
         worker = self.farm.start_worker("--profile", "node-3", "--name", "somebody-else")
-        workers = lambda: [json.loads(line) for line in self.farm.client("workers", "--json").stdout.splitlines()]
+        workers = lambda: [
+            json.loads(line) for line in self.farm.client("workers", "--json").stdout.splitlines()
+        ]
         wait_until(lambda: any(w["process"] == "somebody-else" for w in workers()), "the worker")
-        self.assertEqual([(w["name"], w["state"]) for w in workers() if w["process"] == "somebody-else"], [("node-3", "blocked")])
+        self.assertEqual([(w["name"], w["state"]) for w in workers() if w["process"] == "somebody-else"],
+                         [("node-3", "blocked")])
         self.assertIn("node-3/somebody-else", self.farm.client("workers").stdout)
         worker.stop()
         self.farm.client("readmit", "node-3")  # blocked workers are listed, and other tests count
 
     def test_init_happens_once(self):
-        self.expect_failure(run("lumifold-server", "init", "--data", self.farm.data, check=False), "set up before")
+        self.expect_failure(run("lumifold-server", "init", "--data", self.farm.data, check=False),
+                            "set up before")
 
     def test_a_code_is_used_once(self):
         code = self.farm.invite("eve")
         self.farm.join("login", code, profile="eve")
-        self.expect_failure(self.farm.join("login", code, profile="eve-2", check=False), "the code is not valid")
-        self.expect_failure(self.farm.join("enroll", self.farm.invite("eve"), check=False), "the code is not valid")
-        self.expect_failure(self.farm.join("login", "lumifold-guess", check=False), "this is not a code", code=2)
+        self.expect_failure(self.farm.join("login", code, profile="eve-2", check=False),
+                            "the code is not valid")
+        self.expect_failure(self.farm.join("enroll", self.farm.invite("eve"), check=False),
+                            "the code is not valid")
+        self.expect_failure(self.farm.join("login", "lumifold-guess", check=False),
+                            "this is not a code",
+                            code=2)
 
     def test_a_code_of_another_farm_is_not_even_sent(self):
         with tempfile.TemporaryDirectory() as other:
@@ -160,11 +186,13 @@ class AccessTest(unittest.TestCase):
     def test_no_token_no_answer(self):
         name = self.invite_person("mallory")
         (self.farm.profiles / name / "token").write_text("lumifold_" + "A" * 43)
-        self.expect_failure(self.farm.client("list", "--profile", name, check=False), "the token is not valid")
+        self.expect_failure(self.farm.client("list", "--profile", name, check=False),
+                            "the token is not valid")
         with tempfile.TemporaryDirectory() as empty:
             done = run("lumifold", "list", "--server", self.farm.address, check=False,
                        env={**os.environ, "XDG_CONFIG_HOME": empty})
-        self.expect_failure(done, "cannot reach", code=EXIT_UNREACHABLE)  # plain text, which the coordinator does not speak
+        self.expect_failure(done, "cannot reach",
+                            code=EXIT_UNREACHABLE)  # plain text, which the coordinator does not speak
 
     def test_a_token_expires(self):
         name = self.invite_person("short", "--hours", "0.0005")
@@ -177,31 +205,41 @@ class AccessTest(unittest.TestCase):
         self.assertFalse((self.farm.profiles / "cora" / "token").exists())
         whoami = json.loads(self.farm.client("whoami", "--json", "--profile", "cora").stdout)
         self.assertEqual((whoami["kind"], whoami["name"], whoami["scopes"]), ("person", "cora", ["submit"]))
-        job = self.farm.client("submit", self.scene, *SETTINGS, "--paused", "--profile", "cora").stdout.strip()
-        self.assertEqual(json.loads(self.farm.client("status", job, "--json", "--profile", "cora").stdout)["user"], "cora")
+        job = self.farm.client("submit", self.scene, *SETTINGS, "--paused", "--profile",
+                               "cora").stdout.strip()
+        self.assertEqual(
+            json.loads(self.farm.client("status", job, "--json", "--profile", "cora").stdout)["user"], "cora")
         self.expect_failure(self.farm.client("identities", "--profile", "cora", check=False), "role submit")
         worker = self.farm.start_worker("--profile", "cora")
         self.assertEqual(worker.popen.wait(timeout=60), EXIT_NOT_ADMITTED)
         self.assertIn("may not make", worker.log_text())
         states = [json.loads(line) for line in self.farm.client("identities", "--json").stdout.splitlines()]
-        self.assertEqual([(i["form"], i["kind"]) for i in states if i["name"] == "cora"], [("certificate", "person")])
+        self.assertEqual([(i["form"], i["kind"]) for i in states if i["name"] == "cora"],
+                         [("certificate", "person")])
         self.farm.client("revoke", "cora")
-        self.expect_failure(self.farm.client("list", "--profile", "cora", check=False), "the certificate of cora was revoked")
+        self.expect_failure(self.farm.client("list", "--profile", "cora", check=False),
+                            "the certificate of cora was revoked")
 
     def test_a_token_that_is_revoked(self):
         name = self.invite_person("bob")
         self.farm.client("list", "--profile", name)
         self.assertIn("revoked: 1", self.farm.client("revoke", name).stderr)
         self.expect_failure(self.farm.client("list", "--profile", name, check=False), "was revoked")
-        states = [json.loads(line) for line in self.farm.client("identities", "--all", "--json").stdout.splitlines()]
+        states = [
+            json.loads(line)
+            for line in self.farm.client("identities", "--all", "--json").stdout.splitlines()
+        ]
         self.assertEqual([(i["form"], i["state"]) for i in states if i["name"] == name],
                          [("token", "revoked"), ("invite", "used")])
 
     def test_open_streams_end_with_a_revocation(self):
         name = self.invite_person("carol")
         job = self.farm.client("submit", self.scene, *SETTINGS, "--paused", "--profile", name).stdout.strip()
-        watcher = subprocess.Popen([BIN / "lumifold", "watch", job, "--json", "--server", self.farm.address, "--profile", name],
-                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        watcher = subprocess.Popen(
+            [BIN / "lumifold", "watch", job, "--json", "--server", self.farm.address, "--profile", name],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True)
         self.assertIn(job, watcher.stdout.readline())
         self.farm.enroll("node-2", "node-2")
         worker = self.farm.start_worker("--profile", "node-2")
@@ -212,7 +250,9 @@ class AccessTest(unittest.TestCase):
         _, errors = watcher.communicate(timeout=60)
         self.assertEqual(watcher.returncode, EXIT_FAILED, errors)
         self.assertIn("was revoked", errors)
-        wait_until(lambda: not self.farm.client("workers", "--json").stdout.strip(), "the worker's end", seconds=60)
+        wait_until(lambda: not self.farm.client("workers", "--json").stdout.strip(),
+                   "the worker's end",
+                   seconds=60)
         self.assertEqual(worker.popen.wait(timeout=60), EXIT_NOT_ADMITTED)
         self.assertIn("the certificate of node-2 was revoked. The worker needs a new code", worker.log_text())
         self.assertLess(time.monotonic() - start, 30)
@@ -223,7 +263,8 @@ class AccessTest(unittest.TestCase):
         name = self.invite_person("reader", "--scope", "read")
         self.farm.client("list", "--profile", name)
         for command in (["submit", self.scene], ["invite", "x"], ["identities"], ["revoke", "admin"]):
-            self.assertEqual(self.farm.client(*command, "--profile", name, check=False).returncode, EXIT_FAILED, command)
+            self.assertEqual(
+                self.farm.client(*command, "--profile", name, check=False).returncode, EXIT_FAILED, command)
 
     def test_a_worker_is_no_user(self):
         for command in (["list"], ["identities"], ["submit", self.scene], ["invite", "x"]):
@@ -249,12 +290,18 @@ class AccessTest(unittest.TestCase):
         profile = self.farm.profiles / "foreign"
         shutil.copytree(self.farm.profiles / "node-1", profile)
         (profile / "worker.pem").write_text(foreign)
-        self.assertEqual(self.farm.client("whoami", "--profile", "foreign", check=False).returncode, EXIT_UNREACHABLE)
+        self.assertEqual(
+            self.farm.client("whoami", "--profile", "foreign", check=False).returncode, EXIT_UNREACHABLE)
 
     def test_a_workers_certificate_does_not_make_a_server(self):
         pem = self.farm.profiles / "node-1" / "worker.pem"
-        done = subprocess.run(["openssl", "verify", "-purpose", "sslserver", "-CAfile",
-                               self.farm.profiles / "node-1" / "ca.pem", pem], capture_output=True, text=True, timeout=60)
+        done = subprocess.run([
+            "openssl", "verify", "-purpose", "sslserver", "-CAfile", self.farm.profiles / "node-1" / "ca.pem",
+            pem
+        ],
+                              capture_output=True,
+                              text=True,
+                              timeout=60)
         self.assertIn("unsuitable certificate purpose", done.stdout + done.stderr)
 
     def test_the_servers_name_is_checked(self):
@@ -274,8 +321,12 @@ class AccessTest(unittest.TestCase):
 
     def test_garbage_does_no_harm(self):
         host, port = self.farm.address.split(":")
-        for garbage in (b"\0" * 4096, b"GET / HTTP/1.1\r\n\r\n", os.urandom(65536), b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"):
-            subprocess.run(["bash", "-c", f"cat > /dev/tcp/{host}/{port}"], input=garbage, timeout=60, check=False,
+        for garbage in (b"\0" * 4096, b"GET / HTTP/1.1\r\n\r\n", os.urandom(65536),
+                        b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"):
+            subprocess.run(["bash", "-c", f"cat > /dev/tcp/{host}/{port}"],
+                           input=garbage,
+                           timeout=60,
+                           check=False,
                            stderr=subprocess.DEVNULL)
         self.farm.client("list")
 
@@ -313,7 +364,9 @@ class RenewalTest(unittest.TestCase):
             first_server = farm.server_certificate()
             worker = farm.start_worker("--profile", "node-1")
             started = time.monotonic()
-            wait_until(lambda: farm.server_certificate() != first_server, "a new server certificate", seconds=120)
+            wait_until(lambda: farm.server_certificate() != first_server,
+                       "a new server certificate",
+                       seconds=120)
             wait_until(lambda: pem.read_text() != first_pem, "a new worker certificate", seconds=120)
             wait_until(lambda: farm.client("list", "--profile", "ann") and person.read_text() != first_person,
                        "a new certificate of a person", seconds=60)
@@ -328,7 +381,8 @@ class RenewalTest(unittest.TestCase):
             self.assertIn("event=worker_certificate_renewed name=node-1", farm.server.log_text())
             self.assertIn("event=person_certificate_renewed name=ann", farm.server.log_text())
             done = farm.client("list", "--profile", "idle", check=False)
-            self.assertEqual((done.returncode, "the certificate of idle has expired" in done.stderr), (EXIT_FAILED, True))
+            self.assertEqual((done.returncode, "the certificate of idle has expired" in done.stderr),
+                             (EXIT_FAILED, True))
             expired = farm.start_worker("--profile", "node-2")
             self.assertEqual(expired.popen.wait(timeout=60), EXIT_NOT_ADMITTED)
             self.assertIn("the certificate of node-2 has expired", expired.log_text())

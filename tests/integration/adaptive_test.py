@@ -1,4 +1,5 @@
-"""Adaptive sampling in a farm of processes: the same file for any workers, and whoever is killed in mid-decision."""
+"""Adaptive sampling in a farm of processes: the same file for any workers, and whoever is killed in
+mid-decision."""
 
 import json
 import pathlib
@@ -19,7 +20,10 @@ def damage(file):
 
 
 class AdaptiveTest(SceneTest):
-    SETTINGS = ["--size", f"{WIDTH}x{HEIGHT}", "--spp", str(SAMPLES), "--adaptive", "--seed", "3", "--save-film"]
+    SETTINGS = [
+        "--size", f"{WIDTH}x{HEIGHT}", "--spp",
+        str(SAMPLES), "--adaptive", "--seed", "3", "--save-film"
+    ]
 
     def rounds(self, farm):
         return farm.server.log_text().count("event=round_estimated")
@@ -70,7 +74,8 @@ class AdaptiveTest(SceneTest):
     def test_a_budget_that_pays_for_no_estimate_is_spent_uniformly(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
             farm.start_worker(threads=2)
-            job = farm.client("submit", self.scene, "--size", f"{WIDTH}x{HEIGHT}", "--spp", "100", "--adaptive").stdout.strip()
+            job = farm.client("submit", self.scene, "--size", f"{WIDTH}x{HEIGHT}", "--spp", "100",
+                              "--adaptive").stdout.strip()
             farm.client("wait", job)
             status = farm.status(job)
             self.assertEqual(status["samples_done"], 100 * WIDTH * HEIGHT)
@@ -80,8 +85,8 @@ class AdaptiveTest(SceneTest):
     def test_a_target_that_is_reached_ends_it(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
             farm.start_worker(threads=2)
-            job = farm.client("submit", self.scene, "--size", f"{WIDTH}x{HEIGHT}", "--spp", "4096", "--target-error",
-                              "20").stdout.strip()
+            job = farm.client("submit", self.scene, "--size", f"{WIDTH}x{HEIGHT}", "--spp", "4096",
+                              "--target-error", "20").stdout.strip()
             farm.client("wait", job)
             status = farm.status(job)
             self.assertLess(status["samples_done"], 1024 * WIDTH * HEIGHT)
@@ -91,15 +96,17 @@ class AdaptiveTest(SceneTest):
     def test_a_target_out_of_reach_says_what_was_reached(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
             farm.start_worker(threads=2)
-            job = farm.client("submit", self.scene, "--size", f"{WIDTH}x{HEIGHT}", "--spp", "128", "--target-error",
-                              "0.001").stdout.strip()
+            job = farm.client("submit", self.scene, "--size", f"{WIDTH}x{HEIGHT}", "--spp", "128",
+                              "--target-error", "0.001").stdout.strip()
             farm.client("wait", job)
             reached = farm.status(job)["estimated_error"]
             self.assertGreater(reached, 0.001)
             self.assertIn("target 0.001 not reached", farm.client("status", job).stdout)
             result = self.root / "reached.exr"
             farm.client("download", job, "-o", result)
-            self.assertAlmostEqual(float(metadata_of(result)["lumifold.estimated_error"]), reached, delta=1e-3 * reached)
+            self.assertAlmostEqual(float(metadata_of(result)["lumifold.estimated_error"]),
+                                   reached,
+                                   delta=1e-3 * reached)
             farm.server.kill()
             farm.start_server(listen=farm.address)
             self.assertEqual(farm.status(job)["estimated_error"], reached)
@@ -125,19 +132,23 @@ class AdaptiveTest(SceneTest):
             job = farm.client("submit", self.scene, *size, "--time", "6s", "--frames", "0-2").stdout.strip()
             farm.client("wait", job)
             farm.client("download", job, "--frames", "0-2", "-o", self.root / "shared-####.exr")
-            schedules = [metadata_of(self.root / f"shared-{frame:04}.exr")["lumifold.schedule"] for frame in range(3)]
+            schedules = [
+                metadata_of(self.root / f"shared-{frame:04}.exr")["lumifold.schedule"] for frame in range(3)
+            ]
             budgets = [float(schedule.split(",")[-1]) for schedule in schedules]
             self.assertLess(max(budgets), 3 * min(budgets))
             again = self.root / "again-####.exr"
-            run("lumifold", "render", self.scene, *size, "--frames", "1", "--schedule", schedules[1], "-o", again)
+            run("lumifold", "render", self.scene, *size, "--frames", "1", "--schedule", schedules[1], "-o",
+                again)
             same = json.loads(
-                run("lumifold", "compare", self.root / "again-0001.exr", self.root / "shared-0001.exr", "--json").stdout
-            )
+                run("lumifold", "compare", self.root / "again-0001.exr", self.root / "shared-0001.exr",
+                    "--json").stdout)
             self.assertEqual(same["mse255"], 0)
 
     def test_what_does_not_fit_is_refused(self):
         for options, code, text in (
-            (("--target-metric", "psnr", "--target-error", "1"), 2, "--target-metric must be mse255 or relmse"),
+            (("--target-metric", "psnr", "--target-error", "1"), 2,
+             "--target-metric must be mse255 or relmse"),
             (("--target-metric", "relmse"), 2, "--target-metric requires --target-error"),
             (("--adaptive", "--size", "4096x4096"), None, "too large for adaptive sampling"),
             (("--time", "soon"), 2, "--time: expected a duration"),
@@ -145,7 +156,13 @@ class AdaptiveTest(SceneTest):
             (("--schedule", "20,x"), 2, "--schedule: expected samples per pixel"),
             (("--schedule", "20", "--frames", "0-1"), 2, "--schedule is of one frame"),
         ):
-            refused = run("lumifold", "render", self.scene, *options, "-o", self.root / "no-####.exr", check=False)
+            refused = run("lumifold",
+                          "render",
+                          self.scene,
+                          *options,
+                          "-o",
+                          self.root / "no-####.exr",
+                          check=False)
             self.assertNotEqual(refused.returncode, 0)
             if code is not None:
                 self.assertEqual(refused.returncode, code)

@@ -44,18 +44,24 @@ class FarmCase(unittest.TestCase):
 
     def arguments(self, *more, state="state"):
         maximum = () if "--max" in more else ("--max", MAXIMUM)
-        return ["--server", self.farm.address, "--state", self.folder / state, *maximum, "--finish-seconds", "1",
-                *self.engine_arguments(), *more]
+        return [
+            "--server", self.farm.address, "--state", self.folder / state, *maximum, "--finish-seconds", "1",
+            *self.engine_arguments(), *more
+        ]
 
     def step(self, *more, code=0, state="state"):
         """One step; the decision, with the log in "log"."""
-        done = run("lumifold-autoscale", *self.arguments("--once", "--json", *more, state=state), check=False, timeout=120)
+        done = run("lumifold-autoscale",
+                   *self.arguments("--once", "--json", *more, state=state),
+                   check=False,
+                   timeout=120)
         self.assertEqual(done.returncode, code, done.stdout + done.stderr)
         return {**(json.loads(done.stdout) if done.stdout else {}), "log": done.stderr}
 
     def start_autoscaler(self, *more, state="state"):
         """One that looks twice a second, until the end of the test."""
-        process = Process("lumifold-autoscale", *self.arguments("--interval-seconds", "0.5", *more, state=state))
+        process = Process("lumifold-autoscale",
+                          *self.arguments("--interval-seconds", "0.5", *more, state=state))
         self.addCleanup(lambda: process.is_running() and process.stop())
         return process
 
@@ -89,7 +95,8 @@ class FakeSlurmTest(FarmCase):
             workers = [json.loads(line) for line in self.farm.client("workers", "--json").stdout.splitlines()]
             return {worker["process"]: worker["state"] for worker in workers}
 
-        wait_until(lambda: states() == {"slurm-1@node": "busy", "slurm-2@node": "idle"}, "one worker is busy, one idle")
+        wait_until(lambda: states() == {"slurm-1@node": "busy", "slurm-2@node": "idle"},
+                   "one worker is busy, one idle")
         autoscaler = self.start_autoscaler("--idle-seconds", "1", "--tags", "wanted")
         wait_until(lambda: self.slurm.jobs() == SLOTS[:1], "the idle worker is released")
         self.assertEqual(autoscaler.stop(), 0, autoscaler.log_text())
@@ -102,20 +109,26 @@ class FakeSlurmTest(FarmCase):
         for process in both:
             self.assertEqual(process.stop(), 0, process.log_text())
         # Both may have asked for the same slots; what was asked for twice is cancelled.
-        asked = {word.removeprefix("--job-name=") for call in self.slurm.calls("sbatch") for word in call.split()
-                 if word.startswith("--job-name=")}
+        asked = {
+            word.removeprefix("--job-name=")
+            for call in self.slurm.calls("sbatch")
+            for word in call.split()
+            if word.startswith("--job-name=")
+        }
         self.assertEqual((sorted(asked), self.slurm.jobs()), (SLOTS, SLOTS))
 
     def test_errors_of_the_engine_start_nothing(self):
         self.submit(*NO_END)
-        for answer, said in (("echo 'slurm_load_jobs error: Unable to contact slurm controller' >&2; exit 1", "Unable to contact"),
-                             ("echo 'slurm_load_jobs error: Invalid user id' >&2; exit 1", "Invalid user id"),
-                             (f"echo '1|RUNNING|then|N/A|1|None|lumifold-{FARM_NAME}-0'", "RUNNING|then"),
-                             ("kill -9 $$", "ended by signal 9")):
+        for answer, said in (("echo 'slurm_load_jobs error: Unable to contact slurm controller' >&2; exit 1",
+                              "Unable to contact"),
+                             ("echo 'slurm_load_jobs error: Invalid user id' >&2; exit 1",
+                              "Invalid user id"), (f"echo '1|RUNNING|then|N/A|1|None|lumifold-{FARM_NAME}-0'",
+                                                   "RUNNING|then"), ("kill -9 $$", "ended by signal 9")):
             self.slurm.answer("squeue", answer)
             self.assertIn(said, self.step(code=EXIT_FAILED)["log"])
         self.slurm.answer("squeue", "sleep 1000")
-        self.assertIn("squeue took longer than 300ms", self.step("--call-seconds", "0.3", code=EXIT_FAILED)["log"])
+        self.assertIn("squeue took longer than 300ms",
+                      self.step("--call-seconds", "0.3", code=EXIT_FAILED)["log"])
         self.slurm.remove("squeue")
         with unittest.mock.patch.dict(os.environ, PATH=str(self.slurm.bin)):
             self.assertIn("cannot run squeue", self.step(code=EXIT_FAILED)["log"])
@@ -140,7 +153,9 @@ class FakeSlurmTest(FarmCase):
         self.slurm.install("sbatch")
         decision = self.step("--first-pause-seconds", "600")
         self.assertEqual((decision["start"], self.slurm.jobs()), (0, []))
-        self.assertRegex(decision["reason"], r"the engine refused: sbatch ended .*QOS policy \(1 in a row\); next try in [\dms]+")
+        self.assertRegex(
+            decision["reason"],
+            r"the engine refused: sbatch ended .*QOS policy \(1 in a row\); next try in [\dms]+")
 
     def test_without_a_coordinator_nothing_is_done(self):
         self.farm.server.kill()
@@ -157,8 +172,8 @@ class AccessTest(unittest.TestCase):
             with SecureFarm(root / "farm") as farm:
                 farm.client("submit", make_scene("cornell-box", root), *NO_END)  # of another user
                 farm.join("login", farm.invite("scaler", "--scope", "read"), profile="scaler")
-                done = run("lumifold-autoscale", "--once", "--json", "--profile", "scaler", "--state", root / "state",
-                           *fake.engine_arguments())
+                done = run("lumifold-autoscale", "--once", "--json", "--profile", "scaler", "--state",
+                           root / "state", *fake.engine_arguments())
                 self.assertEqual(json.loads(done.stdout)["start"], 1)
                 self.assertEqual(fake.jobs(), SLOTS[:1])
 
@@ -185,13 +200,17 @@ class SlurmTest(FarmCase):
         wait_until(lambda: not self.slurm.run("squeue", "--noheader").stdout, "all jobs are gone")
 
     def engine_arguments(self):
-        return ["--farm", f"{FARM_NAME}-{self.id().rsplit('.')[-1][:30]}", "--script", SCRIPT, "--sbatch",
-                f"--output={self.folder}/%x-%j.log", "--sbatch", "--cpus-per-task=1", "--sbatch", f"--chdir={self.folder}"]
+        return [
+            "--farm", f"{FARM_NAME}-{self.id().rsplit('.')[-1][:30]}", "--script", SCRIPT, "--sbatch",
+            f"--output={self.folder}/%x-%j.log", "--sbatch", "--cpus-per-task=1", "--sbatch",
+            f"--chdir={self.folder}"
+        ]
 
     def jobs(self, *states):
         """Id and name of this test's jobs in these states."""
         name = self.engine_arguments()[1]
-        lines = self.slurm.run("squeue", "--noheader", f"--states={','.join(states)}", "--format=%i %j").stdout.splitlines()
+        lines = self.slurm.run("squeue", "--noheader", f"--states={','.join(states)}",
+                               "--format=%i %j").stdout.splitlines()
         return dict(line.split() for line in lines if f"lumifold-{name}-" in line)
 
     def test_workers_come_and_go_with_a_job_whatever_autoscalers_do(self):
@@ -208,11 +227,16 @@ class SlurmTest(FarmCase):
         both[0].kill()  # and the other goes on; one that comes again takes its state
         both.append(self.start_autoscaler("--idle-seconds", "2", state="state-0"))
         wait_until(lambda: looks(lambda: self.farm.status(job)["state"] == "done"), "the job is done")
-        wait_until(lambda: looks(lambda: not self.jobs("PENDING", "RUNNING", "COMPLETING")), "the workers have gone", 60)
+        wait_until(lambda: looks(lambda: not self.jobs("PENDING", "RUNNING", "COMPLETING")),
+                   "the workers have gone", 60)
         self.assertEqual(most, MAXIMUM)
-        started = [line for process in both for line in process.log_text().splitlines() if "event=start workers" in line]
+        started = [
+            line for process in both for line in process.log_text().splitlines()
+            if "event=start workers" in line
+        ]
         self.assertGreaterEqual(len(started), 1)
-        self.assertEqual(len({name for name in self.jobs("all").values()}), MAXIMUM, "three slots and no others")
+        self.assertEqual(len({name for name in self.jobs("all").values()}), MAXIMUM,
+                         "three slots and no others")
         for process in both[1:]:
             self.assertEqual(process.stop(), 0, process.log_text())
 
@@ -221,9 +245,13 @@ class SlurmTest(FarmCase):
         # Both look before either starts: Slurm itself must keep the second one from running.
         slot = f"--job-name=lumifold-{self.engine_arguments()[1]}-0"
         for _ in range(2):
-            self.slurm.submit("--cpus-per-task=1", slot, "--dependency=singleton",
-                              f"--output={self.folder}/%j.log", SCRIPT,
-                              environment={name: os.environ[name] for name in ("LUMIFOLD_SERVER", "LUMIFOLD_WORKER")})
+            self.slurm.submit(
+                "--cpus-per-task=1",
+                slot,
+                "--dependency=singleton",
+                f"--output={self.folder}/%j.log",
+                SCRIPT,
+                environment={name: os.environ[name] for name in ("LUMIFOLD_SERVER", "LUMIFOLD_WORKER")})
         wait_until(lambda: len(self.jobs("RUNNING")) == 1, "one runs")
         decision = self.step("--max", "1")
         self.assertEqual([one["why"] for one in decision["release"]], ["another request has its place"])
@@ -237,7 +265,8 @@ class SlurmTest(FarmCase):
         self.assertRegex(log, "event=start_refused failures=1 .*(?i:invalid partition)")
         decision = self.step("--first-pause-seconds", "600")  # another process, with the same state file
         self.assertEqual(decision["start"], 0)
-        self.assertRegex(decision["reason"], r"the engine refused: sbatch .*\(1 in a row\); next try in [\dms]+")
+        self.assertRegex(decision["reason"],
+                         r"the engine refused: sbatch .*\(1 in a row\); next try in [\dms]+")
         self.assertEqual(self.step("--dry-run", state="other")["start"], MAXIMUM)
 
     def test_backs_off_when_workers_die_at_their_start(self):
@@ -246,13 +275,16 @@ class SlurmTest(FarmCase):
         wait_until(lambda: len(self.jobs("FAILED")) == MAXIMUM, "all have died")
         decision = self.step("--first-pause-seconds", "600")
         self.assertEqual(decision["start"], 0)
-        self.assertRegex(decision["reason"], r"workers die at their start: request \d+ ended .* NonZeroExitCode \(and 2 more\)")
+        self.assertRegex(decision["reason"],
+                         r"workers die at their start: request \d+ ended .* NonZeroExitCode \(and 2 more\)")
 
     def test_a_spent_budget_ends_all(self):
         self.submit(*NO_END)
         self.step("--budget-core-hours", "1")
         wait_until(lambda: self.jobs("RUNNING"), "a worker runs")
-        wait_until(lambda: "idle" in self.farm.client("workers").stdout or "busy" in self.farm.client("workers").stdout, "it joined")
+        wait_until(
+            lambda: "idle" in self.farm.client("workers").stdout or "busy" in self.farm.client("workers").
+            stdout, "it joined")
         time.sleep(1)
         decision = self.step("--budget-core-hours", "1e-6")
         self.assertIn("the budget of 1e-06 core-hours is spent", decision["reason"])

@@ -1,4 +1,5 @@
-"""The commands of docs/operations.md for backup and restore, run while jobs are rendered; then everything else is lost."""
+"""The commands of docs/operations.md for backup and restore, run while jobs are rendered; then everything
+else is lost."""
 
 import os
 import pathlib
@@ -19,7 +20,8 @@ FEW, MANY = "64", "512"
 
 def run_block(name, **words):
     """Runs a block of the page, with words such as DIR replaced."""
-    block = re.search(rf"<!-- {name}: begin -->\n```sh\n(.*?)```\n<!-- {name}: end -->", PAGE.read_text(), re.DOTALL).group(1)
+    block = re.search(rf"<!-- {name}: begin -->\n```sh\n(.*?)```\n<!-- {name}: end -->", PAGE.read_text(),
+                      re.DOTALL).group(1)
     for word, value in words.items():
         assert word in block
         block = re.sub(rf"\b{word}\b", lambda _, value=value: str(value), block)

@@ -59,7 +59,8 @@ class ClusterAccessTest(ClusterCase):
                 for command in ("resume", "cancel", "retry"):
                     for at in (self.first, self.second):
                         done = self.client(bob, command, job, at=at, check=False)
-                        self.assertEqual((done.returncode, f"no job {job}" in done.stderr), (4, True), done.stderr)
+                        self.assertEqual((done.returncode, f"no job {job}" in done.stderr), (4, True),
+                                         done.stderr)
                 self.client(owner, "set-priority", job, "7", at=self.second)
                 status = json.loads(self.client(owner, "status", job, "--json", at=self.first).stdout)
                 self.assertEqual((status["state"], status["priority"]), ("paused", 7))
@@ -69,7 +70,9 @@ class ClusterAccessTest(ClusterCase):
         bob = self.invite("bob")
         job = self.client(bob, "submit", self.scene, *JOB, "--paused", at=self.first).stdout.strip()
         self.client("admin", "revoke", "bob", at=self.second)
-        wait_until(lambda: self.client(bob, "list", at=self.first, check=False).returncode != 0, "the end of bob", seconds=60)
+        wait_until(lambda: self.client(bob, "list", at=self.first, check=False).returncode != 0,
+                   "the end of bob",
+                   seconds=60)
         self.assertNotEqual(self.client(bob, "resume", job, at=self.second, check=False).returncode, 0)
 
     def test_the_picture_is_the_same_over_a_killed_owner(self):
@@ -81,16 +84,21 @@ class ClusterAccessTest(ClusterCase):
 
 
 class ManualTest(WithPostgres):
-    """The commands of docs/clusters.md for several coordinators, as they stand there, with addresses and folders of this machine."""
+    """The commands of docs/clusters.md for several coordinators, as they stand there, with addresses and
+    folders of this machine."""
 
     def commands(self, data):
         block = re.search(r"<!-- several: begin -->\n```sh\n(.*?)```", PAGE.read_text(), re.DOTALL)[1]
-        addresses = dict(zip(("a.example.org:7700", "b.example.org:7700"), map("127.0.0.1:{}".format, free_ports(2))))
+        addresses = dict(
+            zip(("a.example.org:7700", "b.example.org:7700"), map("127.0.0.1:{}".format, free_ports(2))))
         for line in block.splitlines():
-            advertised = next((address for name, address in addresses.items() if f"--advertise {name}" in line), "")
+            advertised = next(
+                (address for name, address in addresses.items() if f"--advertise {name}" in line), "")
             for name, address in addresses.items():
                 line = line.replace(name, address)
-            line = line.replace("0.0.0.0:7700", advertised).replace("/mnt/farm", str(data)).replace(".example.org --name", " --name")
+            line = line.replace("0.0.0.0:7700",
+                                advertised).replace("/mnt/farm",
+                                                    str(data)).replace(".example.org --name", " --name")
             yield shlex.split(line, comments=True)
 
     def test_the_commands_make_a_farm(self):

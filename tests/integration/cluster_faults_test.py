@@ -1,4 +1,5 @@
-"""Several coordinators whose network is cut, or whose disk is full: the picture is the same bytes as those of one process."""
+"""Several coordinators whose network is cut, or whose disk is full: the picture is the same bytes as those of
+one process."""
 
 import tempfile
 import time
@@ -46,7 +47,8 @@ class NetworkTest(ClusterCase):
         self.check(cluster, job, second, *LONG_JOB)
         self.assertGreater(first.host.lost_packets(), 0)
         first.host.heal()
-        wait_until(lambda: first.log_text().count("event=farm_joined") == 2, "the first one is back, as another")
+        wait_until(lambda: first.log_text().count("event=farm_joined") == 2,
+                   "the first one is back, as another")
         self.assertEqual(cluster.status(job, at=first)["state"], "done")
 
     def test_two_coordinators_are_cut_off_from_each_other(self):

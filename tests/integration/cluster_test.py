@@ -1,5 +1,5 @@
-"""Several coordinators over one PostgreSQL database and one data folder: whatever happens to one of them, the picture is the
-same bytes as those of one process, and nothing that was acknowledged is lost."""
+"""Several coordinators over one PostgreSQL database and one data folder: whatever happens to one of them, the
+picture is the same bytes as those of one process, and nothing that was acknowledged is lost."""
 
 import json
 import os
@@ -29,15 +29,20 @@ class ClusterTest(ClusterCase):
         def demand():
             members = json.loads(cluster.client("server-status", "--json", at=second).stdout)["coordinators"]
             return {each["address"]: each["demand"] > 0 for each in members}
-        wait_until(lambda: demand() == {first.address: True, second.address: False}, "demand of the other one")
+
+        wait_until(lambda: demand() == {first.address: True, second.address: False},
+                   "demand of the other one")
         cluster.client("pause", job, at=second)
         self.assertEqual(cluster.status(job, at=first)["state"].upper(), "PAUSED")
         cluster.client("resume", job, at=second)
         for at in (first, second):
-            workers = [json.loads(line) for line in cluster.client("workers", "--json", at=at).stdout.splitlines()]
+            workers = [
+                json.loads(line) for line in cluster.client("workers", "--json", at=at).stdout.splitlines()
+            ]
             self.assertEqual(len(workers), 2, workers)
         cluster.client("cancel", job, at=second)
-        wait_until(lambda: cluster.status(job, at=first)["state"].upper() == "CANCELLED", "the end, at the first")
+        wait_until(lambda: cluster.status(job, at=first)["state"].upper() == "CANCELLED",
+                   "the end, at the first")
         other = cluster.submit(self.scene, "--spp", 64, at=second)
         self.check(cluster, other, first, "--spp", 64)
 
@@ -48,7 +53,8 @@ class ClusterTest(ClusterCase):
         cluster = self.cluster(coordinators=2, workers=0)
         first, second = cluster.coordinators
         of_job, of_cancel = "4bf92f3577b34da6a3ce929d0e0e4736", "0af7651916cd43dd8448eb211c80319c"
-        job = cluster.client("submit", self.scene, *SETTINGS, "--spp", 4096, at=first, env=under(of_job)).stdout.strip()
+        job = cluster.client("submit", self.scene, *SETTINGS, "--spp", 4096, at=first,
+                             env=under(of_job)).stdout.strip()
         worker = Process("lumifold-worker", "--server", first.address, "--threads", 1, "--name", "node")
         cluster.workers.append(worker)
         wait_until(lambda: cluster.status(job, at=second)["units_done"] > 0, "progress")
@@ -57,8 +63,10 @@ class ClusterTest(ClusterCase):
         ended, = re.findall("event=job_ended .*", first.log_text())
         self.assertIn(f"trace={of_job}", ended)
         line = f"FarmService/CancelJob .* trace={of_cancel} "
-        wait_until(lambda: any(re.search(line, log.read_text()) for log in pathlib.Path(cluster.data).glob("audit.*.log")),
-                   "the call in an audit log, which is written after it")
+        wait_until(
+            lambda: any(
+                re.search(line, log.read_text()) for log in pathlib.Path(cluster.data).glob("audit.*.log")),
+            "the call in an audit log, which is written after it")
         for at in (first, second):
             self.assertIn("event=worker_connected", cluster.client("logs", "node", at=at).stdout)
             self.assertIn("event=job_ended", cluster.client("logs", job, at=at).stdout)
@@ -85,12 +93,16 @@ class ClusterTest(ClusterCase):
             before = wait_until(lambda: cluster.status(job, at=witness)["units_done"], "progress")
             owner.kill()
             start = time.monotonic()
-            wait_until(lambda: self.goes_on(cluster, job, owner, witness, before), "another owner that goes on", seconds=60)
+            wait_until(lambda: self.goes_on(cluster, job, owner, witness, before),
+                       "another owner that goes on",
+                       seconds=60)
             times.append(time.monotonic() - start)
             cluster.restart(owner)
         self.check(cluster, job, cluster.living()[0], *settings)
         times.sort()
-        print(f"failover over {KILLS} kills: median {statistics.median(times):.2f} s, worst {times[-1]:.2f} s", file=sys.stderr)
+        print(
+            f"failover over {KILLS} kills: median {statistics.median(times):.2f} s, worst {times[-1]:.2f} s",
+            file=sys.stderr)
 
     def goes_on(self, cluster, job, lost, witness, before):
         answer = cluster.client("status", job, "--json", at=witness, check=False)
@@ -98,7 +110,8 @@ class ClusterTest(ClusterCase):
             return False
         status = json.loads(answer.stdout)
         if status["units_done"] < before:  # nothing acknowledged is lost
-            self.fail(f"{before} units were done, and then {status['units_done']}: {status}{cluster.last_logs()}")
+            self.fail(
+                f"{before} units were done, and then {status['units_done']}: {status}{cluster.last_logs()}")
         has_moved = status.get("coordinator", "") not in ("", lost.address) and status["units_done"] > before
         return has_moved or status["state"] == "done"
 

@@ -17,7 +17,8 @@ CALLS = 6
 
 
 def take_over(source, farm):
-    """Starts the farm's coordinator again with a copy of another data folder, as storage that they share would do."""
+    """Starts the farm's coordinator again with a copy of another data folder, as storage that they share
+    would do."""
     farm.server.stop()
     shutil.rmtree(farm.data)
     shutil.copytree(source, farm.data)
@@ -65,7 +66,8 @@ class FailoverTest(unittest.TestCase):
         self.farms[1].server.kill()
         done = self.client("status", self.job, check=False)
         addresses = self.servers.replace(",", ", ")
-        self.assertEqual(done.stderr, f"lumifold: cannot reach any of the coordinators {addresses}: Connection refused\n")
+        self.assertEqual(done.stderr,
+                         f"lumifold: cannot reach any of the coordinators {addresses}: Connection refused\n")
         self.assertEqual(done.returncode, EXIT_UNREACHABLE)
 
     def test_a_job_is_watched_on_where_its_coordinator_falls_silent(self):
@@ -74,8 +76,12 @@ class FailoverTest(unittest.TestCase):
         first.server.stop()
         take_over(first.data, second)
         first.restart_server()
-        watches = [subprocess.Popen([BIN / "lumifold", "watch", self.job, "--json", "--server", self.servers],
-                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(CALLS)]
+        watches = [
+            subprocess.Popen([BIN / "lumifold", "watch", self.job, "--json", "--server", self.servers],
+                             stdout=subprocess.PIPE,
+                             stderr=subprocess.PIPE,
+                             text=True) for _ in range(CALLS)
+        ]
         for watch in watches:
             self.addCleanup(watch.stdout.close)
             self.addCleanup(watch.stderr.close)
@@ -104,7 +110,8 @@ class SecureFailoverTest(unittest.TestCase):
                     for _ in range(CALLS):
                         caller = json.loads(run("lumifold", "whoami", "--json", "--profile", "ann").stdout)
                         self.assertEqual(caller["name"], "ann")
-                        self.assertIn("encrypted: yes", run("lumifold", "server-status", "--profile", "ann").stdout)
+                        self.assertIn("encrypted: yes",
+                                      run("lumifold", "server-status", "--profile", "ann").stdout)
                     farm.server.resume()
 
 

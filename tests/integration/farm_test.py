@@ -40,7 +40,8 @@ class FarmTest(SceneTest):
     SETTINGS = ["--size", "112x84", "--spp", "96", "--seed", "5", "--save-film"]
 
     def submit_and_wait_for_units(self, farm):
-        """Submits a job and waits until a fifth of its units is committed; nearly all must not be committed yet.
+        """Submits a job and waits until a fifth of its units is committed; nearly all must not be committed
+        yet.
 
         On a busy machine a poll may come so late that the job is nearly done. Then there is nothing left to
         disturb, and a new job is submitted.
@@ -86,7 +87,9 @@ class FarmTest(SceneTest):
             with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
                 worker = farm.start_worker(*arguments)
                 self.expect_same_picture(farm, self.submit(farm))
-                threads = [int(task.name) for task in pathlib.Path(f"/proc/{worker.popen.pid}/task").iterdir()]
+                threads = [
+                    int(task.name) for task in pathlib.Path(f"/proc/{worker.popen.pid}/task").iterdir()
+                ]
                 found = {os.getpriority(os.PRIO_PROCESS, thread) for thread in threads}
                 self.assertEqual(found, {niceness}, arguments)
 
@@ -105,7 +108,8 @@ class FarmTest(SceneTest):
 
 
 class PlanTest(SceneTest):
-    """Jobs obey their plans: the planned picture is the full one, and whoever is killed, a job has one plan."""
+    """Jobs obey their plans: the planned picture is the full one, and whoever is killed, a job has one
+    plan."""
 
     SETTINGS = ["--size", "96x72", "--spp", "16", "--seed", "3", "--save-film"]
     # The units of a full plan: with them the bits are those of a full plan.
@@ -122,7 +126,8 @@ class PlanTest(SceneTest):
     def test_the_planned_picture_is_the_full_one(self):
         planned, full = self.root / "auto.exr", self.root / "full.exr"
         # The roulette alone changes bits.
-        run("lumifold", "render", self.scene, *self.SETTINGS, *self.UNITS, "--force", "roulette=0", "-o", planned)
+        run("lumifold", "render", self.scene, *self.SETTINGS, *self.UNITS, "--force", "roulette=0", "-o",
+            planned)
         run("lumifold", "render", self.scene, *self.SETTINGS, "--plan", "full", "-o", full)
         difference = json.loads(run("lumifold", "compare", planned, full, "--json").stdout)
         self.assertEqual(difference["mse255"], 0)
@@ -145,7 +150,8 @@ class PlanTest(SceneTest):
                 pictures.append(self.root / f"{order}.exr")
                 farm.client("download", job, "-o", pictures[-1])
                 planned = self.explain(farm, job)["plan"]["tile_order"]
-                rendered = re.findall(rf"event=unit_rendered job={job} .*tile=(\d+) pass=1 kind=pass", worker.log_text())
+                rendered = re.findall(rf"event=unit_rendered job={job} .*tile=(\d+) pass=1 kind=pass",
+                                      worker.log_text())
                 if order == "on":
                     self.assertEqual([int(tile) for tile in rendered], planned)
                 else:
@@ -195,7 +201,14 @@ class PlanTest(SceneTest):
             self.assertEqual(self.plan(farm, job), plan)
 
     def test_what_cannot_be_forced_is_refused(self):
-        bad = run("lumifold", "render", self.scene, *self.SETTINGS, "--force", "levels=9", "-o", self.root / "no.exr",
+        bad = run("lumifold",
+                  "render",
+                  self.scene,
+                  *self.SETTINGS,
+                  "--force",
+                  "levels=9",
+                  "-o",
+                  self.root / "no.exr",
                   check=False)
         self.assertEqual(bad.returncode, 2)
         self.assertIn("levels is a whole number from 0 to 3", bad.stderr)
@@ -213,7 +226,8 @@ class FramesTest(unittest.TestCase):
         cls.still = make_scene("cornell-box", cls.root)
         cls.moving = animate(cls.still, cls.root / "moving.glb", "short block", 4)
         for scene in (cls.still, cls.moving):
-            run("lumifold", "render", scene, *cls.SETTINGS, "--frames", "3-5", "-o", cls.root / f"{scene.stem}.###.exr")
+            run("lumifold", "render", scene, *cls.SETTINGS, "--frames", "3-5", "-o",
+                cls.root / f"{scene.stem}.###.exr")
 
     @classmethod
     def tearDownClass(cls):

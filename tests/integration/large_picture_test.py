@@ -1,4 +1,5 @@
-"""`lumifold filter` and the coordinator need no more memory for a taller picture, even if its film exceeds the limit."""
+"""`lumifold filter` and the coordinator need no more memory for a taller picture, even if its film exceeds
+the limit."""
 
 import os
 import pathlib
@@ -18,8 +19,12 @@ FINISH_LIMIT_MIB = 1536  # less than the taller film, 56 floats per pixel: 1772 
 class LargePictureTest(unittest.TestCase):
     def peak_bytes(self, picture, output):
         """Filters a picture in a limited address space; returns the maximum memory."""
-        command = ["sh", "-c", f'ulimit -v {LIMIT_BYTES // 1024} && exec "$@"', "sh",
-                   str(BIN / "lumifold"), "filter", str(picture), "--method", "paper", "--threads", "2", "-o", str(output)]
+        command = [
+            "sh", "-c", f'ulimit -v {LIMIT_BYTES // 1024} && exec "$@"', "sh",
+            str(BIN / "lumifold"), "filter",
+            str(picture), "--method", "paper", "--threads", "2", "-o",
+            str(output)
+        ]
         process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
         with process.stderr as stderr:
             words = stderr.read()
@@ -32,7 +37,8 @@ class LargePictureTest(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             root = pathlib.Path(folder)
             scene = make_scene("cornell-box", root)
-            run("lumifold", "render", scene, "--size", f"512x{ROWS}", "--spp", 4, "--method", "none", "--save-film", "-o", root / "film.exr")
+            run("lumifold", "render", scene, "--size", f"512x{ROWS}", "--spp", 4, "--method", "none",
+                "--save-film", "-o", root / "film.exr")
             peaks = []
             for times in TIMES:
                 run("repeat-film", root / "film.exr", WIDTH, times * ROWS, root / "tall.exr", timeout=600)
@@ -48,7 +54,8 @@ class LargePictureTest(unittest.TestCase):
             scene = make_scene("cornell-box", root)
             with Farm(root / "data", "--filter-memory-mb", FINISH_LIMIT_MIB, "--filter-threads", "2") as farm:
                 farm.start_worker(threads=2)
-                job = farm.client("submit", scene, "--size", f"{WIDTH}x{height}", "--spp", 1, "--method", "paper").stdout.strip()
+                job = farm.client("submit", scene, "--size", f"{WIDTH}x{height}", "--spp", 1, "--method",
+                                  "paper").stdout.strip()
                 farm.client("wait", job, timeout=1500)
                 self.assertEqual(farm.status(job)["state"], "done")
                 farm.client("download", job, "-o", root / "out.exr")

@@ -1,4 +1,5 @@
-"""Workers that leave lose no unit: those that are told to, those that are idle, and those that an operator drains."""
+"""Workers that leave lose no unit: those that are told to, those that are idle, and those that an operator
+drains."""
 
 import json
 import pathlib
@@ -12,7 +13,8 @@ from farm import PATIENCE_SECONDS, Farm, Process, make_scene, run, wait_until
 # One tile in sixteen passes of about half a second each.
 SETTINGS = ["--size", "32x32", "--spp", "8192", "--seed", "3"]
 SHORT = ["--size", "32x32", "--spp", "256", "--seed", "3"]
-# Units that take minutes, but for those of the first pass: geometry and one sample of each of the four tiles. No plan unit.
+# Units that take minutes, but for those of the first pass: geometry and one sample of each of the four tiles.
+# No plan unit.
 NO_END = ["--size", "64x64", "--spp", "1048576", "--plan", "full"]
 FIRST_PASS = 8
 
@@ -64,7 +66,8 @@ class LeavingTest(unittest.TestCase):
             wait_until(lambda: farm.status(job)["units_done"] > 0, "the first unit")
             self.assertEqual(worker.stop(), 0, worker.log_text())
             log = worker.log_text()
-            rendered = log.count("event=unit_rendered") - log.count("kind=plan")  # a plan counts no longer once it is made
+            rendered = log.count("event=unit_rendered") - log.count(
+                "kind=plan")  # a plan counts no longer once it is made
             self.assertEqual(farm.status(job)["units_done"], rendered, log)
             self.assertLess(rendered, 17, log)
 
@@ -73,7 +76,8 @@ class LeavingTest(unittest.TestCase):
             job = self.submit(farm, *NO_END)
             worker = farm.start_worker("--drain-seconds", str(PATIENCE_SECONDS))
             wait_until(lambda: farm.status(job)["units_done"] == FIRST_PASS, "the first pass")
-            self.wait_for_lease(farm, job)  # of a unit that takes minutes: it cannot be delivered before the interrupt
+            self.wait_for_lease(
+                farm, job)  # of a unit that takes minutes: it cannot be delivered before the interrupt
             worker.popen.send_signal(signal.SIGTERM)
             wait_until(lambda: "event=leaving" in worker.log_text(), "the worker heard it")
             worker.popen.send_signal(signal.SIGTERM)
@@ -107,7 +111,8 @@ class LeavingTest(unittest.TestCase):
             worker = farm.start_worker("--drain-seconds", "0", "--name", "ann")
             self.wait_for_lease(farm, job)
             # Between two leases it may have delivered a unit that is not committed yet: busy, but of no job.
-            wait_until(lambda: self.listed(farm) == ("ann", "busy", [job]), "the worker is listed with its job")
+            wait_until(lambda: self.listed(farm) == ("ann", "busy", [job]),
+                       "the worker is listed with its job")
             farm.client("drain", "ann")
             self.assertEqual(worker.popen.wait(timeout=PATIENCE_SECONDS), 0, worker.log_text())
             worker.popen.stdout.close()

@@ -1,4 +1,5 @@
-"""Jobs get more samples, are rendered again in part, wait for each other and are deleted, whatever is killed meanwhile.
+"""Jobs get more samples, are rendered again in part, wait for each other and are deleted, whatever is killed
+meanwhile.
 
 Each picture is equal byte for byte to that of an undisturbed job.
 """
@@ -145,7 +146,8 @@ class LifeTest(unittest.TestCase):
                 farm.server.kill()
                 client.wait()
                 farm.start_server(listen=farm.address)
-                if farm.client("status", job, check=False).returncode == 0:  # the call was lost before its first step
+                if farm.client("status", job,
+                               check=False).returncode == 0:  # the call was lost before its first step
                     farm.client("delete", job)
                 for folder in ("film", "results", "deleted"):
                     path = pathlib.Path(farm.data, folder, job)
@@ -155,7 +157,8 @@ class LifeTest(unittest.TestCase):
         size = len(self.expected[FEW])
         with self.farm("--quota-gb", 12 * size / 1e9) as farm:
             jobs = [self.done_job(farm) for _ in range(16)]
-            wait_until(lambda: farm.client("status", jobs[0], check=False).returncode != 0, "the first job goes",
+            wait_until(lambda: farm.client("status", jobs[0], check=False).returncode != 0,
+                       "the first job goes",
                        seconds=120)
             self.expect_picture(farm, jobs[-1], FEW)
 

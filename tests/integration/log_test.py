@@ -1,5 +1,5 @@
-"""Logs as JSON: each line of coordinator and worker is one object, whatever names and errors are in it; and one id is in all
-lines about a job, from the command that submits it to the one that downloads its picture."""
+"""Logs as JSON: each line of coordinator and worker is one object, whatever names and errors are in it; and
+one id is in all lines about a job, from the command that submits it to the one that downloads its picture."""
 
 import json
 import os
@@ -58,7 +58,8 @@ class LogTest(unittest.TestCase):
             connected, = events(farm.server, "worker_connected")
             self.assertRegex(connected["worker"], r"^w-\d+/a")
             self.assertNotIn("job", connected)
-            self.assertEqual({line["worker"] for line in lines_of(worker) if "job" in line}, {connected["worker"]})
+            self.assertEqual({line["worker"] for line in lines_of(worker) if "job" in line},
+                             {connected["worker"]})
         self.assertTrue(all(line["event"] for line in lines_of(farm.server)), farm.server.log_text())
 
     def test_one_id_follows_a_job_through_all_programs(self):
@@ -67,8 +68,10 @@ class LogTest(unittest.TestCase):
             job = self.submit_without_its_scene(farm)
             farm.restart_server()  # what it knows of the trace is in its ledger
             farm.client("resume", job)
-            wait_until(lambda: events(farm.server, "asset_wanted"), "the worker fails a unit, for want of the scene")
-            again = self.client(farm, "submit", self.scene, *SETTINGS, "--paused", "--json")  # uploads it again
+            wait_until(lambda: events(farm.server, "asset_wanted"),
+                       "the worker fails a unit, for want of the scene")
+            again = self.client(farm, "submit", self.scene, *SETTINGS, "--paused",
+                                "--json")  # uploads it again
             farm.client("wait", job)
             downloaded = self.client(farm, "download", job, "-o", self.root / "picture.exr", "--json")
             status = farm.status(job)
@@ -107,11 +110,13 @@ class LogTest(unittest.TestCase):
             self.assertEqual(line.get("trace"), TRACE, line)
 
     def expect_all_lines_traced(self, processes, job):
-        """Each line about a job has the id, and those of the coordinator have the user, whoever wrote them."""
+        """Each line about a job has the id, and those of the coordinator have the user, whoever wrote
+        them."""
         for process in processes:
             for line in lines_of(process):
                 self.assertEqual(line.get("trace"), TRACE if "job" in line or "unit" in line else None, line)
-        self.assertEqual({line.get("user") for line in lines_of(processes[0]) if line.get("job") == job}, {"ann"})
+        self.assertEqual({line.get("user") for line in lines_of(processes[0]) if line.get("job") == job},
+                         {"ann"})
 
     def expect_lines_of_the_worker(self, farm, job):
         """`lumifold logs` has the lines of coordinator and worker, by time."""

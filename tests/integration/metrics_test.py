@@ -1,5 +1,6 @@
-"""The metrics endpoints of a real coordinator and of real workers: Prometheus' own check of the format, figures that add up
-with those of the status and with each other, and callers that send garbage, much or nothing."""
+"""The metrics endpoints of a real coordinator and of real workers: Prometheus' own check of the format,
+figures that add up with those of the status and with each other, and callers that send garbage, much or
+nothing."""
 
 import concurrent.futures
 import contextlib
@@ -25,8 +26,8 @@ REQUEST_SECONDS = 10
 
 
 class Conventions:
-    """Tests of what a program shows at `address`. `table` is the part of the manual that lists its metrics, `total` one of
-    its counters."""
+    """Tests of what a program shows at `address`. `table` is the part of the manual that lists its metrics,
+    `total` one of its counters."""
 
     def test_prometheus_finds_nothing_to_object_to(self):
         if shutil.which("promtool") is None:
@@ -50,13 +51,16 @@ class Conventions:
                 self.assert_table_is_complete(wrong, scrape(self.address))
 
     def assert_table_is_complete(self, table, text):
-        """The table has each metric of the text, in its order, with its kind, its label and all values of that."""
+        """The table has each metric of the text, in its order, with its kind, its label and all values of
+        that."""
         rows = re.findall(r"^\| `(\w+)(?:\{(\w+)\})?` \| (\w+) \|(?:[^|]*: ([\w, ]+) \|)?", table, re.M)
-        self.assertEqual([(name, kind) for name, _, kind, _ in rows], re.findall(r"^# TYPE (\w+) (\w+)$", text, re.M))
+        self.assertEqual([(name, kind) for name, _, kind, _ in rows],
+                         re.findall(r"^# TYPE (\w+) (\w+)$", text, re.M))
         for name, label, kind, values in rows:
             suffix = "_count" if kind == "histogram" else ""
             shown = re.findall(rf'^{name}{suffix}{{(\w+)="(\w+)"}}', text, re.M)
-            self.assertEqual(sorted(shown), sorted((label, value) for value in values.split(", ")) if label else [])
+            self.assertEqual(sorted(shown),
+                             sorted((label, value) for value in values.split(", ")) if label else [])
 
 
 class MetricsTest(Conventions, unittest.TestCase):
@@ -76,7 +80,8 @@ class MetricsTest(Conventions, unittest.TestCase):
 
     def figures(self, **wanted):
         """The samples, once these have these values."""
-        return figures_of(self.address, lambda found: all(found[name] == value for name, value in wanted.items()),
+        return figures_of(self.address,
+                          lambda found: all(found[name] == value for name, value in wanted.items()),
                           str(wanted))
 
     def test_figures_are_those_of_the_farm(self):
@@ -95,7 +100,9 @@ class MetricsTest(Conventions, unittest.TestCase):
         self.figures(lumifold_units_queued=total)
         worker = farm.start_worker()
         farm.client("wait", job)
-        done = self.figures(lumifold_units_committed_total=total, lumifold_units_queued=0, lumifold_units_leased=0)
+        done = self.figures(lumifold_units_committed_total=total,
+                            lumifold_units_queued=0,
+                            lumifold_units_leased=0)
         self.assertEqual(done['lumifold_workers{state="idle"}'], 1)
         self.assertGreater(done["lumifold_worker_slots"], 0)
         self.assertEqual(sum(value for name, value in done.items() if name.startswith("lumifold_jobs{")), 0)
@@ -111,11 +118,13 @@ class MetricsTest(Conventions, unittest.TestCase):
         self.figures(lumifold_page_viewers=0)
 
     def test_requests_that_are_not_for_metrics(self):
-        for request, status in ((b"GET / HTTP/1.1\r\n\r\n", 404), (b"GET /metrics/../etc/passwd HTTP/1.1\r\n\r\n", 404),
-                                (b"POST /metrics HTTP/1.1\r\nContent-Length: 9\r\n\r\n123456789", 405),
-                                (b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n", 400), (b"\x16\x03\x01\x02\r\n\r\n", 400),
-                                (b"GET  /metrics HTTP/1.1\r\n\r\n", 400), (b"get /metrics HTTP/1.1\r\n\r\n", 400),
-                                (b"GET /metrics\r\n\r\n", 400), (b"\r\n\r\n", 400),
+        for request, status in ((b"GET / HTTP/1.1\r\n\r\n",
+                                 404), (b"GET /metrics/../etc/passwd HTTP/1.1\r\n\r\n", 404),
+                                (b"POST /metrics HTTP/1.1\r\nContent-Length: 9\r\n\r\n123456789",
+                                 405), (b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n", 400),
+                                (b"\x16\x03\x01\x02\r\n\r\n", 400), (b"GET  /metrics HTTP/1.1\r\n\r\n", 400),
+                                (b"get /metrics HTTP/1.1\r\n\r\n", 400), (b"GET /metrics\r\n\r\n",
+                                                                          400), (b"\r\n\r\n", 400),
                                 (b"GET /metrics HTTP/1.1\r\nX: " + b"a" * 2 * MAX_REQUEST_BYTES, 431)):
             with self.subTest(request=request[:40]):
                 self.assertRegex(ask(self.address, request), rb"^HTTP/1\.1 %d " % status)
@@ -150,7 +159,10 @@ class MetricsTest(Conventions, unittest.TestCase):
         starts = [b"", b"GET /met", GET[:-2] + b"Content-Length: 1000000\r\n\r\n",
                   b"GET /metrics HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n"]
         with contextlib.ExitStack() as stack:
-            slow = [stack.enter_context(socket.create_connection(self.address)) for _ in range(2 * MAX_CONNECTIONS)]
+            slow = [
+                stack.enter_context(socket.create_connection(self.address))
+                for _ in range(2 * MAX_CONNECTIONS)
+            ]
             for number, connection in enumerate(slow):
                 connection.sendall(starts[number % len(starts)])
             wait_until(self.open_connections, "the first connection that is accepted")
@@ -190,8 +202,10 @@ class CountersTest(unittest.TestCase):
 
     def setUp(self):
         self.folder = self.enterContext(tempfile.TemporaryDirectory())
-        self.farm = self.enterContext(Farm(pathlib.Path(self.folder) / "data", "--metrics-address", "0", "--lease-seconds",
-                                           "3", "--heartbeat-seconds", "0.5"))
+        self.farm = self.enterContext(
+            Farm(
+                pathlib.Path(self.folder) / "data", "--metrics-address", "0", "--lease-seconds", "3",
+                "--heartbeat-seconds", "0.5"))
         self.address = address_of(self.farm.server)
 
     def figures(self, condition):
@@ -208,7 +222,8 @@ class CountersTest(unittest.TestCase):
         self.figures(lambda found: found["lumifold_units_leased"] > 0)
         silent.pause()
         expired = self.figures(lambda found: found["lumifold_lease_expiries_total"] > 0)
-        self.assertEqual(expired['lumifold_unit_retries_total{reason="expired"}'], expired["lumifold_lease_expiries_total"])
+        self.assertEqual(expired['lumifold_unit_retries_total{reason="expired"}'],
+                         expired["lumifold_lease_expiries_total"])
         silent.kill()
         lost = self.farm.start_worker()
         self.figures(lambda found: found["lumifold_units_leased"] > 0)
@@ -232,7 +247,9 @@ class CountersTest(unittest.TestCase):
         self.assertEqual(done['lumifold_sent_bytes_total{kind="results"}'], result.stat().st_size)
         self.assertEqual(done['lumifold_received_bytes_total{kind="assets"}'], scene.stat().st_size)
         self.assertEqual(done['lumifold_sent_bytes_total{kind="assets"}'], scene.stat().st_size)
-        stored = sum(file.stat().st_size for file in pathlib.Path(self.folder, "data/film").rglob("*") if file.is_file())
+        stored = sum(file.stat().st_size
+                     for file in pathlib.Path(self.folder, "data/film").rglob("*")
+                     if file.is_file())
         self.assertGreater(done['lumifold_received_bytes_total{kind="units"}'], 0)
         self.assertLessEqual(done['lumifold_received_bytes_total{kind="units"}'], stored)
         self.assertGreaterEqual(done["lumifold_samples_committed_total"], 64 * 64 * 64)
@@ -273,7 +290,8 @@ class WorkerMetricsTest(Conventions, unittest.TestCase):
                             and found["lumifold_worker_sent_bytes_total"] > 0
                             and found['lumifold_worker_leases{state="delivered"}'] == 0)
         farm = figures_of(address_of(self.farm.server),
-                          lambda found: found["lumifold_units_committed_total"] == units, "the figures of the farm")
+                          lambda found: found["lumifold_units_committed_total"] == units,
+                          "the figures of the farm")
         self.assertEqual(done["lumifold_worker_samples_total"], farm["lumifold_samples_committed_total"])
         self.assertGreaterEqual(done["lumifold_worker_rays_total"], done["lumifold_worker_samples_total"])
         received = farm['lumifold_received_bytes_total{kind="units"}']
@@ -309,14 +327,17 @@ class WorkerMetricsTest(Conventions, unittest.TestCase):
 
     def test_a_scene_that_cannot_be_rendered(self):
         scene = pathlib.Path(self.folder) / "damaged.gltf"
-        scene.write_text(json.dumps({
-            "asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
-            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
-            "bufferViews": [{"buffer": 0, "byteLength": 36}],
-            "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAA"}]}))  # 3 bytes of 36
+        scene.write_text(
+            json.dumps({
+                "asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+                "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+                "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3,
+                               "type": "VEC3"}], "bufferViews": [{"buffer": 0, "byteLength": 36}],
+                "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAA"}]
+            }))  # 3 bytes of 36
         self.submit(scene)
-        found = self.figures(lambda found: any("_failures_" in name and value for name, value in found.items()))
+        found = self.figures(
+            lambda found: any("_failures_" in name and value for name, value in found.items()))
         self.assertGreater(found['lumifold_worker_unit_failures_total{reason="permanent"}'], 0)
         self.assertEqual(found["lumifold_worker_units_rendered_total"], 0)
 
@@ -349,7 +370,8 @@ class AddressTest(unittest.TestCase):
                 self.assertNotIn("event=metrics", process.log_text())
 
     def test_a_port_alone_is_on_loopback(self):
-        for value, host in (("0", "127.0.0.1"), (":0", "127.0.0.1"), ("0.0.0.0:0", "0.0.0.0"), ("[::1]:0", "[::1]")):
+        for value, host in (("0", "127.0.0.1"), (":0", "127.0.0.1"), ("0.0.0.0:0", "0.0.0.0"), ("[::1]:0",
+                                                                                                "[::1]")):
             with tempfile.TemporaryDirectory() as data, Farm(data, "--metrics-address", value) as farm:
                 self.assertEqual(address_of(farm.server)[0], host)
 
@@ -358,7 +380,8 @@ class AddressTest(unittest.TestCase):
             taken.bind(("127.0.0.1", 0))
             taken.listen()
             for value in (str(taken.getsockname()[1]), "host", "127.0.0.1:99999", "::1:80"):
-                for command in (("lumifold-server", "--data", data, "--listen", "127.0.0.1:0"), ("lumifold-worker",)):
+                for command in (("lumifold-server", "--data", data, "--listen", "127.0.0.1:0"),
+                                ("lumifold-worker",)):
                     done = run(*command, "--metrics-address", value, check=False)
                     self.assertEqual(done.returncode, 1)
                     self.assertIn(value, done.stderr)

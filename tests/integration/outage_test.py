@@ -1,4 +1,5 @@
-"""Workers and clients come back soon after an outage of the coordinator, and lose nothing that was done before."""
+"""Workers and clients come back soon after an outage of the coordinator, and lose nothing that was done
+before."""
 
 import os
 import pathlib
@@ -47,8 +48,11 @@ class UploadTest(unittest.TestCase):
                               + len(noise).to_bytes(4, "little") + b"NOIS" + noise)
             proxy = SlowProxy(farm.address, upload_bytes_per_second=self.UPLOAD_BYTES_PER_SECOND)
             self.addCleanup(proxy.close)
-            client = subprocess.Popen([BIN / "lumifold", "submit", scene, "--server", proxy.address, "--size", "8x8"],
-                                      stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            client = subprocess.Popen(
+                [BIN / "lumifold", "submit", scene, "--server", proxy.address, "--size", "8x8"],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True)
             wait_until(lambda: proxy.sent_bytes > self.ASSET_BYTES * 0.6, "most of the file is sent")
             farm.server.kill()
             farm.start_server(listen=farm.address)

@@ -34,8 +34,10 @@ class PageBrowserTest(unittest.TestCase):
         cls.browser = cls.enterClassContext(browser.Browser())
 
     def setUp(self):
-        self.farm = self.enterContext(Farm(self.enterContext(tempfile.TemporaryDirectory()), "--page-address", "127.0.0.1:0"))
-        self.browser.go("about:blank")  # a page of the test before would go on asking for a server that is gone
+        self.farm = self.enterContext(
+            Farm(self.enterContext(tempfile.TemporaryDirectory()), "--page-address", "127.0.0.1:0"))
+        self.browser.go(
+            "about:blank")  # a page of the test before would go on asking for a server that is gone
         self.browser.log()
 
     def submit(self, *settings):
@@ -54,7 +56,8 @@ class PageBrowserTest(unittest.TestCase):
     def test_a_picture_grows_and_is_finished(self):
         self.open()
         self.browser.wait_text("#connection", "connected")
-        self.assertNotIn("session", self.browser.run("return location.href"), "the secret leaves the address bar")
+        self.assertNotIn("session", self.browser.run("return location.href"),
+                         "the secret leaves the address bar")
         job = self.submit("--size", "640x480", "--spp", 256)
         self.browser.wait_text("#jobs", job)
         self.browser.click("#jobs button")
@@ -66,10 +69,16 @@ class PageBrowserTest(unittest.TestCase):
         self.shoot("grows")
         first = self.browser.run(f"return {BRIGHTNESS}")
         self.browser.wait_text("#job-state", "done", seconds=300)
-        self.browser.wait("return document.querySelector('#job-progress').getAttribute('aria-valuenow') === '100'", "100 %")
-        wait_until(lambda: self.browser.run(f"return {BRIGHTNESS}") > first, "a brighter picture: no tile is black any more", seconds=60)
-        self.browser.wait("return document.getElementById('region').width === 640", "all pixels, which the screen can show")
-        red, green, blue = wait_until(lambda: any(colour := self.browser.run(COLOUR, 120, 240)) and colour, "its colours", seconds=60)
+        self.browser.wait(
+            "return document.querySelector('#job-progress').getAttribute('aria-valuenow') === '100'", "100 %")
+        wait_until(lambda: self.browser.run(f"return {BRIGHTNESS}") > first,
+                   "a brighter picture: no tile is black any more",
+                   seconds=60)
+        self.browser.wait("return document.getElementById('region').width === 640",
+                          "all pixels, which the screen can show")
+        red, green, blue = wait_until(lambda: any(colour := self.browser.run(COLOUR, 120, 240)) and colour,
+                                      "its colours",
+                                      seconds=60)
         self.assertGreater(red, 2 * max(green, blue), "the wall on the left is red")
         self.shoot("done")
         self.browser.type("body", "+++")
@@ -80,9 +89,12 @@ class PageBrowserTest(unittest.TestCase):
         self.browser.type("body", "c")
         self.shoot("compare")
         for layer in ("albedo", "N", "Z", "id", "noisy"):
-            self.browser.run("const s = document.getElementById('layer-a'); s.value = arguments[0]; s.dispatchEvent(new Event('change'));", layer)
-            self.browser.wait("return [...document.querySelectorAll('#layer-a option')].length > 8 && document.getElementById('layer-a').value"
-                              " === arguments[0] && document.getElementById('waiting').hidden", layer, layer)
+            self.browser.run(
+                "const s = document.getElementById('layer-a'); s.value = arguments[0]; s.dispatchEvent(new Event('change'));",
+                layer)
+            self.browser.wait(
+                "return [...document.querySelectorAll('#layer-a option')].length > 8 && document.getElementById('layer-a').value"
+                " === arguments[0] && document.getElementById('waiting').hidden", layer, layer)
         self.expect_no_errors()
 
     def test_frames_are_a_strip_that_plays(self):
@@ -91,10 +103,13 @@ class PageBrowserTest(unittest.TestCase):
         self.open(job)
         self.browser.wait_text("#job-state", "done", seconds=120)
         self.browser.wait("return document.querySelectorAll('#strip canvas').length === 3", "three frames")
-        self.browser.wait("return [...document.querySelectorAll('#strip canvas')].every((each) => each.width === 64)", "their pictures, of their shape")
+        self.browser.wait(
+            "return [...document.querySelectorAll('#strip canvas')].every((each) => each.width === 64)",
+            "their pictures, of their shape")
         for frame in (2, 3):
             self.browser.type("body", ".")
-            self.browser.wait("return location.hash.endsWith(`frame=${arguments[0]}`)", f"frame {frame}", frame)
+            self.browser.wait("return location.hash.endsWith(`frame=${arguments[0]}`)", f"frame {frame}",
+                              frame)
         self.browser.click("#play")
         self.browser.wait("return !location.hash.endsWith('frame=3')", "another frame")
         self.browser.click("#play")
@@ -136,7 +151,8 @@ class PageBrowserTest(unittest.TestCase):
         self.browser.wait_text("#jobs", HOSTILE[:20])
         self.browser.wait_text("#workers", "script")
         self.assertEqual(self.browser.run("return document.querySelectorAll('script').length"), 1)
-        self.browser.run("document.body.insertAdjacentHTML('beforeend', '<img src=x onerror=\"window.bad = 1\">');")
+        self.browser.run(
+            "document.body.insertAdjacentHTML('beforeend', '<img src=x onerror=\"window.bad = 1\">');")
         self.browser.wait("return !window.bad", "no script of others runs")
         self.assertTrue(any("Content Security Policy" in line for line in self.browser.log()))
         self.farm.client("cancel", job)
@@ -163,12 +179,15 @@ class PageBrowserTest(unittest.TestCase):
         self.browser.type("#help", "escape")
         self.browser.wait("return !document.getElementById('help').open", "closed")
         self.browser.resize(500, 844)
-        self.browser.wait("return document.documentElement.scrollWidth <= document.documentElement.clientWidth", "nothing is wider than the screen")
+        self.browser.wait(
+            "return document.documentElement.scrollWidth <= document.documentElement.clientWidth",
+            "nothing is wider than the screen")
         self.shoot("phone")
         self.browser.resize(1280, 800)
         names = self.browser.run("""
           return [...document.querySelectorAll("button, input, select")].filter((each) => each.offsetParent &&
-            !(each.innerText || each.getAttribute("aria-label") || each.labels?.length)).map((each) => each.outerHTML)""")
+            !(each.innerText || each.getAttribute("aria-label") || each.labels?.length)).map((each) => each.outerHTML)"""
+                                )
         self.assertEqual(names, [], "without a name for screen readers")
         self.expect_no_errors()
 

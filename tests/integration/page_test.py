@@ -1,4 +1,5 @@
-"""The status page of a real coordinator: what its interface shows and changes, and for whom. The browser's side is in page_browser_test."""
+"""The status page of a real coordinator: what its interface shows and changes, and for whom. The browser's
+side is in page_browser_test."""
 
 import contextlib
 import json
@@ -76,19 +77,23 @@ class PageTest(PageCase):
         for layer in looks[-1]["layers"]:
             self.assertIsNotNone(link.preview(job, layer=layer), layer)
         about, _ = link.preview(job, region="600,0,640,9")
-        self.assertEqual([about[name] for name in ("x0", "y0", "preview_width", "preview_height", "reduction")], [600, 0, 40, 9, 1])
-        for query, code in (("frame=1", 404), ("layer=colour", 400), ("frame=x", 400), ("newer=1e3", 400), ("frame=-1", 404),
-                            ("region=0,0,641,9", 400), ("region=0,0,9", 400), ("region=9,0,9,9", 400), ("region=0,0,9,481", 400)):
+        self.assertEqual(
+            [about[name] for name in ("x0", "y0", "preview_width", "preview_height", "reduction")],
+            [600, 0, 40, 9, 1])
+        for query, code in (("frame=1", 404), ("layer=colour", 400), ("frame=x", 400), ("newer=1e3", 400),
+                            ("frame=-1", 404), ("region=0,0,641,9", 400), ("region=0,0,9", 400),
+                            ("region=9,0,9,9", 400), ("region=0,0,9,481", 400)):
             self.assertEqual(link.request("GET", f"/api/preview?job={job}&{query}")[0], code, query)
         self.assertEqual(link.request("GET", "/api/preview?job=j-none&frame=0")[0], 404)
 
     def test_nothing_is_told_without_a_link_or_to_another_page(self):
         job = self.submit(self.farm, *SMALL)
         link = self.link(self.farm)
-        for headers in ({"Authorization": None}, {"Authorization": "Bearer x.y"}, {"Authorization": link.session},
-                        {"Authorization": f"Bearer {link.session[:-1]}"}, {"Authorization": "Basic YTpi"}):
-            for method, path in (("GET", "/api/session"), ("GET", "/api/events"), ("GET", f"/api/preview?job={job}"),
-                                 ("POST", "/api/call/CancelJob")):
+        for headers in ({"Authorization": None}, {"Authorization": "Bearer x.y"},
+                        {"Authorization": link.session}, {"Authorization": f"Bearer {link.session[:-1]}"
+                                                         }, {"Authorization": "Basic YTpi"}):
+            for method, path in (("GET", "/api/session"), ("GET", "/api/events"),
+                                 ("GET", f"/api/preview?job={job}"), ("POST", "/api/call/CancelJob")):
                 body = json.dumps({"job_id": job}) if method == "POST" else None
                 self.assertEqual(link.request(method, path, body, **headers)[0], 401, (path, headers))
         for headers in ({"Host": "evil.example"}, {"Host": f"evil.example:{link.port}"}, {"Host": ""},
@@ -138,17 +143,20 @@ class PageTest(PageCase):
         for body in ("", "{", "[]", "null", '{"job_id": 1.5}', "\x00", '{"unknown": 1}'):
             self.assertEqual(link.request("POST", "/api/call/GetJob", body)[0], 400, body)
         self.assertEqual(link.request("POST", "/api/call/GetJob", "{}", Content_Type="text/plain")[0], 400)
-        self.assertEqual(link.request("POST", "/api/call/GetJob", json.dumps({"job_id": "x" * 100_000}))[0], 413)
+        self.assertEqual(
+            link.request("POST", "/api/call/GetJob", json.dumps({"job_id": "x" * 100_000}))[0], 413)
         for method in ("SubmitJob", "DeleteJob", "WatchJob", "../GetJob", "GetJob/x"):
             self.assertEqual(link.request("POST", f"/api/call/{method}", "{}")[0], 404, method)
         for method in ("PUT", "DELETE", "OPTIONS", "TRACE", "BREW"):
             self.assertGreaterEqual(link.request(method, "/api/session")[0], 400, method)
-        for path in ("/../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/web/index.html", "//", "/" + "x" * 9000):
+        for path in ("/../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/web/index.html", "//",
+                     "/" + "x" * 9000):
             self.assertGreaterEqual(link.request("GET", path)[0], 400, path[:40])
         source = random.Random(5)
         for _ in range(200):
             self.send_raw(link, source.randbytes(source.randrange(1, 400)))
-        for start in (b"GET / HTTP/1.1\r\n", b"POST /api/call/GetJob HTTP/1.1\r\nContent-Length: 999999999999\r\n\r\n", b"\r\n" * 50,
+        for start in (b"GET / HTTP/1.1\r\n",
+                      b"POST /api/call/GetJob HTTP/1.1\r\nContent-Length: 999999999999\r\n\r\n", b"\r\n" * 50,
                       b"GET / HTTP/1.1\r\n" + b"A: b\r\n" * 10_000, b"GET /api/events HTTP/9.9\r\n\r\n"):
             self.send_raw(link, start)
         self.assertEqual(link.request("GET", "/api/session")[0], 200)
@@ -156,7 +164,8 @@ class PageTest(PageCase):
 
     @staticmethod
     def send_raw(link, content):
-        with contextlib.suppress(OSError), socket.create_connection((link.host, link.port), timeout=10) as connection:
+        with contextlib.suppress(OSError), socket.create_connection((link.host, link.port),
+                                                                    timeout=10) as connection:
             connection.sendall(content)
             connection.shutdown(socket.SHUT_WR)
             while connection.recv(4096):
@@ -185,7 +194,14 @@ class PageTest(PageCase):
             answer = farm.client("page", check=False)
             self.assertIn("shows no status page", answer.stderr)
         with tempfile.TemporaryDirectory() as folder:
-            answer = run("lumifold-server", "--data", folder, "--listen", "127.0.0.1:0", "--page-address", "0.0.0.0:0", check=False)
+            answer = run("lumifold-server",
+                         "--data",
+                         folder,
+                         "--listen",
+                         "127.0.0.1:0",
+                         "--page-address",
+                         "0.0.0.0:0",
+                         check=False)
             self.assertNotEqual(answer.returncode, 0)
             self.assertIn("needs encryption", answer.stderr)
 
@@ -193,7 +209,8 @@ class PageTest(PageCase):
 class SecurePageTest(PageCase):
     def setUp(self):
         self.farm = self.enterContext(
-            SecureFarm(self.enterContext(tempfile.TemporaryDirectory()), "--page-address", "0.0.0.0:0", "--advertise", "localhost:1"))
+            SecureFarm(self.enterContext(tempfile.TemporaryDirectory()), "--page-address", "0.0.0.0:0",
+                       "--advertise", "localhost:1"))
         self.ca = self.farm.data / "access" / "ca.pem"
 
     def person(self, name, *arguments):

@@ -1,4 +1,5 @@
-"""Result files as artists use them: regions, pixel filters, Cryptomatte, compressions and parts, read back by OpenImageIO."""
+"""Result files as artists use them: regions, pixel filters, Cryptomatte, compressions and parts, read back by
+OpenImageIO."""
 
 import json
 import os
@@ -23,7 +24,10 @@ def info(path):
     """What oiiotool says of a file."""
     if shutil.which("oiiotool") is None:
         raise unittest.SkipTest("oiiotool is not installed (deploy/setup.sh --tests)")
-    return subprocess.run(["oiiotool", "--info", "-v", "-a", path], check=True, capture_output=True, text=True).stdout
+    return subprocess.run(["oiiotool", "--info", "-v", "-a", path],
+                          check=True,
+                          capture_output=True,
+                          text=True).stdout
 
 
 class PicturesTest(unittest.TestCase):
@@ -57,7 +61,8 @@ class PicturesTest(unittest.TestCase):
 
     def test_a_region_must_be_within_the_frame(self):
         done = self.farm.client("submit", self.scene, *SETTINGS, "--region", "80,0,97,64", check=False)
-        self.assertEqual((done.returncode, "not within the frame of 96x64" in done.stderr), (2, True), done.stderr)
+        self.assertEqual((done.returncode, "not within the frame of 96x64" in done.stderr), (2, True),
+                         done.stderr)
 
     def test_wider_pixel_filters_blur_and_keep_the_light(self):
         def spread(picture):
@@ -66,20 +71,29 @@ class PicturesTest(unittest.TestCase):
             return statistics.fmean((red[i] - red[i + 1]) ** 2 for i in range(len(red) - 1) if (i + 1) % 96)
 
         box = exr.read(self.whole)
-        pictures = {name: exr.read(self.render(f"{name}.exr", "--pixel-filter", name, "--pixel-filter-width", "3"))
-                    for name in ("box", "gaussian", "blackman-harris")}
+        pictures = {
+            name: exr.read(self.render(f"{name}.exr", "--pixel-filter", name, "--pixel-filter-width", "3"))
+            for name in ("box", "gaussian", "blackman-harris")
+        }
         for name, picture in pictures.items():
             self.assertLess(spread(picture), 0.8 * spread(box), name)
-            self.assertAlmostEqual(statistics.fmean(picture.channels["albedo.G"]) / statistics.fmean(box.channels["albedo.G"]), 1, delta=0.01)
-        self.assertEqual(exr.read(self.render("one.exr", "--pixel-filter-width", "1")).channels["R"], box.channels["R"])
+            self.assertAlmostEqual(statistics.fmean(picture.channels["albedo.G"]) /
+                                   statistics.fmean(box.channels["albedo.G"]),
+                                   1,
+                                   delta=0.01)
+        self.assertEqual(
+            exr.read(self.render("one.exr", "--pixel-filter-width", "1")).channels["R"], box.channels["R"])
         self.assertIn("gaussian 2", info(self.render("g.exr", "--pixel-filter", "gaussian")))
 
     def test_cryptomatte_covers_the_picture(self):
         path = self.render("crypto.exr", "--cryptomatte")
         picture, text = exr.read(path), info(path)
-        manifest = json.loads(re.search(r'cryptomatte/3ae39a5/manifest: "(.*)"', text).group(1).replace('\\"', '"'))
+        manifest = json.loads(
+            re.search(r'cryptomatte/3ae39a5/manifest: "(.*)"', text).group(1).replace('\\"', '"'))
         self.assertIn("floor", manifest)
-        ranks = [(f"CryptoObject{i:02}.{id_}", f"CryptoObject{i:02}.{cover}") for i in range(3) for id_, cover in ("RG", "BA")]
+        ranks = [(f"CryptoObject{i:02}.{id_}", f"CryptoObject{i:02}.{cover}")
+                 for i in range(3)
+                 for id_, cover in ("RG", "BA")]
         for i in range(96 * 64):
             covers = [picture.channels[cover][i] for _, cover in ranks]
             self.assertEqual(covers, sorted(covers, reverse=True))
@@ -90,16 +104,28 @@ class PicturesTest(unittest.TestCase):
         self.assertNotIn("cryptomatte", info(self.whole))
 
     def test_attributes(self):
-        self.farm.client("submit", self.scene, *SETTINGS, "--name", "shot 7", "--user", "ann", "--download", self.root / "{user}-{name}.exr",
+        self.farm.client("submit",
+                         self.scene,
+                         *SETTINGS,
+                         "--name",
+                         "shot 7",
+                         "--user",
+                         "ann",
+                         "--download",
+                         self.root / "{user}-{name}.exr",
                          env=self.environment_without_configuration())
         text = info(self.root / "ann-shot 7.exr")
-        for pattern in (r'software: "lumifold \d', r'DateTime: "20\d\d:', r'Copyright: "ann"|owner: "ann"', "worldToCamera: ", "worldToNDC: ",
-                        r"chromaticities: 0.64", "ExposureTime: 0|expTime", r"renderTime: \d", r"framesPerSecond: 24"):
+        for pattern in (r'software: "lumifold \d', r'DateTime: "20\d\d:', r'Copyright: "ann"|owner: "ann"',
+                        "worldToCamera: ", "worldToNDC: ", r"chromaticities: 0.64", "ExposureTime: 0|expTime",
+                        r"renderTime: \d", r"framesPerSecond: 24"):
             self.assertRegex(text, pattern)
-        self.assertEqual(json.loads(self.farm.client("list", "--user", "ann", "--json").stdout.splitlines()[0])["name"], "shot 7")
+        self.assertEqual(
+            json.loads(self.farm.client("list", "--user", "ann", "--json").stdout.splitlines()[0])["name"],
+            "shot 7")
 
     def environment_without_configuration(self):
-        return {name: value for name, value in os.environ.items() if name != "LUMIFOLD_CONFIG"} | {"XDG_CONFIG_HOME": str(self.root)}
+        return {name: value for name, value in os.environ.items() if name != "LUMIFOLD_CONFIG"
+               } | {"XDG_CONFIG_HOME": str(self.root)}
 
     def test_compressions_and_parts(self):
         job = self.farm.client("submit", self.scene, *SETTINGS, "--cryptomatte", "--wait").stdout.strip()
@@ -108,18 +134,22 @@ class PicturesTest(unittest.TestCase):
             path = self.root / f"{compression}.exr"
             self.farm.client("download", job, "-o", path, "--compression", compression)
             sizes[compression] = path.stat().st_size
-            error = json.loads(run("lumifold", "compare", path, self.root / "none.exr", "--json").stdout)["mse255"]
+            error = json.loads(run("lumifold", "compare", path, self.root / "none.exr",
+                                   "--json").stdout)["mse255"]
             self.assertEqual(error == 0, compression != "dwaa", compression)
             self.assertLess(error, 0.5)
         self.assertEqual(max(sizes, key=sizes.get), "none", sizes)
         layers = self.root / "layers.exr"
         self.farm.client("download", job, "-o", layers, "--parts", "layers")
         self.assertRegex(info(layers), r"name: \"noisy\"")
-        self.assertEqual(json.loads(run("lumifold", "compare", layers, self.root / "none.exr", "--json").stdout)["mse255"], 0)
+        self.assertEqual(
+            json.loads(run("lumifold", "compare", layers, self.root / "none.exr", "--json").stdout)["mse255"],
+            0)
 
     def test_pictures_for_a_display(self):
         sizes = {}
-        for name, options in (("a.png", []), ("b.jpg", ["--view", "filmic", "--exposure", "auto"]), ("c.jpg", ["--quality", "10"])):
+        for name, options in (("a.png", []), ("b.jpg", ["--view", "filmic", "--exposure",
+                                                        "auto"]), ("c.jpg", ["--quality", "10"])):
             run("lumifold", "convert", self.whole, "-o", self.root / name, *options)
             sizes[name] = (self.root / name).stat().st_size
             self.assertRegex(info(self.root / name), r"96 x +64, 3 channel, uint8")

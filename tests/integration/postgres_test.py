@@ -1,4 +1,5 @@
-"""A farm whose ledger is in PostgreSQL writes the same bytes as one process, over a SIGKILL of its coordinator."""
+"""A farm whose ledger is in PostgreSQL writes the same bytes as one process, over a SIGKILL of its
+coordinator."""
 
 import json
 import pathlib
@@ -45,7 +46,14 @@ class PostgresTest(WithPostgres):
         for store, expected in ((self.uri.replace("/farm?", "/none?"), 'database "none" does not exist'),
                                 ("mysql://user:secret@host/farm", "postgresql://")):
             with tempfile.TemporaryDirectory() as data:
-                done = run("lumifold-server", "--data", data, "--listen", "127.0.0.1:0", "--store", store, check=False)
+                done = run("lumifold-server",
+                           "--data",
+                           data,
+                           "--listen",
+                           "127.0.0.1:0",
+                           "--store",
+                           store,
+                           check=False)
                 self.assertEqual(done.returncode, 1)
                 self.assertIn(expected, done.stderr)
                 self.assertEqual(done.stderr.count("\n"), 1)
@@ -59,8 +67,10 @@ class SecondCoordinatorTest(WithPostgres):
 
     def follow_the_steps(self, first, second):
         """Runs the lines before the start of the coordinator; `first` and `second` are data folders."""
-        block = re.search(r"<!-- second coordinator: begin -->\n```sh\n(.*?)```", SECURITY_PAGE.read_text(), re.DOTALL).group(1)
-        for words, own in (("scp -p", "cp -p"), ("FIRST:DIR", str(first)), ("DIR", str(second)), ("second.example.org", self.NAME)):
+        block = re.search(r"<!-- second coordinator: begin -->\n```sh\n(.*?)```", SECURITY_PAGE.read_text(),
+                          re.DOTALL).group(1)
+        for words, own in (("scp -p", "cp -p"), ("FIRST:DIR", str(first)), ("DIR", str(second)),
+                           ("second.example.org", self.NAME)):
             self.assertIn(words, block)
             block = block.replace(words, own)
         *steps, start = block.strip().splitlines()
@@ -87,17 +97,23 @@ class SecondCoordinatorTest(WithPostgres):
             for path in (second_data, *second_data.rglob("*")):
                 self.assertEqual(path.stat().st_mode & 0o077, 0, path)
             with Farm(second_data, listen=f"{self.NAME}:0") as second:
-                ann, bob, node = (self.profile_for(name, second, first.profiles) for name in ("ann", "bob", "node-1"))
+                ann, bob, node = (
+                    self.profile_for(name, second, first.profiles) for name in ("ann", "bob", "node-1"))
                 for profile in (ann, bob):
-                    self.assertEqual(json.loads(second.client("whoami", "--json", "--profile", profile).stdout)["scopes"], ["submit"])
+                    self.assertEqual(
+                        json.loads(second.client("whoami", "--json", "--profile", profile).stdout)["scopes"],
+                        ["submit"])
                 first.client("revoke", "bob")  # at the first
-                wait_until(lambda: "was revoked" in second.client("list", "--profile", bob, check=False).stderr,
-                           "the revocation at the second", seconds=30)
+                wait_until(
+                    lambda: "was revoked" in second.client("list", "--profile", bob, check=False).stderr,
+                    "the revocation at the second",
+                    seconds=30)
                 first.server.stop()
                 # The job is the second one's now, and waits for its scene.
                 worker = second.start_worker("--profile", node)
-                wait_until(lambda: "submit the scene again" in second.client("explain", left, "--profile", ann).stdout,
-                           "a job that says what it waits for")
+                wait_until(
+                    lambda: "submit the scene again" in second.client("explain", left, "--profile", ann).
+                    stdout, "a job that says what it waits for")
                 job = second.client("submit", scene, *SETTINGS, "--profile", ann).stdout.strip()
                 for each in (job, left):
                     second.client("wait", each, "--profile", ann)

@@ -81,7 +81,8 @@ class PreviewTest(unittest.TestCase):
     def test_what_cannot_be_shown_is_said(self):
         farm = self.farm(workers=1)
         job = self.submit(farm, SMALL)
-        for name, why in ((self.root / "picture.gif", "--preview: expected a name that ends in .exr, .png or .jpg"),
+        for name, why in ((self.root / "picture.gif",
+                           "--preview: expected a name that ends in .exr, .png or .jpg"),
                           (self.root / "none" / "picture.png", "does not exist")):
             answer = farm.client("watch", job, "--preview", name, check=False)
             self.assertNotEqual(answer.returncode, 0)

@@ -1,5 +1,6 @@
-"""The filter never makes a picture worse: for every generated scene and sample count the error of the filtered picture is at
-most that of the noisy one, in the whole picture and on edges, mirrors, shadow bands, textures and flat surfaces."""
+"""The filter never makes a picture worse: for every generated scene and sample count the error of the
+filtered picture is at most that of the noisy one, in the whole picture and on edges, mirrors, shadow bands,
+textures and flat surfaces."""
 
 import json
 import math
@@ -28,9 +29,10 @@ class Series(typing.NamedTuple):
 SCENES = ("cornell-box", "meeting-room", "bedroom", "atrium")
 NOISY = Series(SCENES, 128, 96, (1, 4, 16, 64), 1024)
 CLEAN = Series(SCENES, 64, 48, (256, 1024, 4096), 16384)
-# Most pixels are on edges, beside pixels that are many times brighter and noisier. A part of two pixels can have next to no noise by
-# chance, so errors are means over seeds.
-SMALL = tuple(Series(SCENES, width, height, (256, 1024), 16384, seeds=8) for width, height in ((16, 12), (24, 18)))
+# Most pixels are on edges, beside pixels that are many times brighter and noisier. A part of two pixels can
+# have next to no noise by chance, so errors are means over seeds.
+SMALL = tuple(
+    Series(SCENES, width, height, (256, 1024), 16384, seeds=8) for width, height in ((16, 12), (24, 18)))
 
 
 class Part(typing.NamedTuple):
@@ -41,24 +43,41 @@ class Part(typing.NamedTuple):
 
 
 def slack(part):
-    """Allowed increase of a part's mean squared error: SLACK_SIGMAS standard deviations. For Gaussian noise the mean of the
-    squared errors of n pixels has a relative standard deviation of sqrt(2 / n). The channels of a pixel are correlated and
-    count once. The noise of the reference is in the errors of both pictures, so its effect on their difference is within the
-    same bound."""
+    """Allowed increase of a part's mean squared error: SLACK_SIGMAS standard deviations. For Gaussian noise
+    the mean of the squared errors of n pixels has a relative standard deviation of sqrt(2 / n). The channels
+    of a pixel are correlated and count once. The noise of the reference is in the errors of both pictures, so
+    its effect on their difference is within the same bound."""
     return SLACK_SIGMAS * math.sqrt(2 / part.pixels) * part.error
 
 
 class QualityTest(unittest.TestCase):
     def render(self, scene, series, samples, seed, method, output):
-        run("lumifold", "render", scene, "--size", f"{series.width}x{series.height}", "--spp", samples, "--seed", seed,
-            "--method", method, "--save-film", "-o", output, timeout=10 * MINUTES)
+        run("lumifold",
+            "render",
+            scene,
+            "--size",
+            f"{series.width}x{series.height}",
+            "--spp",
+            samples,
+            "--seed",
+            seed,
+            "--method",
+            method,
+            "--save-film",
+            "-o",
+            output,
+            timeout=10 * MINUTES)
 
     def errors(self, series, picture, layer, reference, reference_layer):
         """The Part of each region of the picture, and of the 'whole'."""
-        found = json.loads(run("lumifold", "compare", picture, reference, *layer, "--reference-layer", reference_layer,
-                               "--by-region", "--json").stdout)
+        found = json.loads(
+            run("lumifold", "compare", picture, reference, *layer, "--reference-layer", reference_layer,
+                "--by-region", "--json").stdout)
         pixels = series.width * series.height
-        parts = {name: Part(region["share"] * pixels, region["mse255"]) for name, region in found["regions"].items()}
+        parts = {
+            name: Part(region["share"] * pixels, region["mse255"])
+            for name, region in found["regions"].items()
+        }
         return {"whole": Part(pixels, found["mse255"]), **parts}
 
     def mean_errors(self, series, pictures, layer, reference):
@@ -68,7 +87,8 @@ class QualityTest(unittest.TestCase):
                 for name in parts[0]}
 
     def check_pictures(self, series, pictures, reference, title):
-        # The halves of the reference differ by twice its noise, so it adds a quarter of their squared difference to each error.
+        # The halves of the reference differ by twice its noise, so it adds a quarter of their squared
+        # difference to each error.
         halves = self.errors(series, reference, ("--layer", "noisy_a"), reference, "noisy_b")
         noisy = self.mean_errors(series, pictures, ("--layer", "noisy"), reference)
         filtered = self.mean_errors(series, pictures, (), reference)
@@ -77,7 +97,9 @@ class QualityTest(unittest.TestCase):
                 own = halves[name].error / 4
                 before = part._replace(error=part.error - own)
                 after = filtered[name].error - own
-                print(f"{title}, {name}: {part.pixels:.0f} pixels, MSE255 {before.error:.3f} noisy, {after:.3f} filtered")
+                print(
+                    f"{title}, {name}: {part.pixels:.0f} pixels, MSE255 {before.error:.3f} noisy, {after:.3f} filtered"
+                )
                 self.assertLessEqual(after, before.error + slack(before))
 
     def check_series(self, series):

@@ -1,4 +1,5 @@
-"""Workers whose coordinator is lost keep what they have rendered, and go to another coordinator of their list."""
+"""Workers whose coordinator is lost keep what they have rendered, and go to another coordinator of their
+list."""
 
 import collections
 import pathlib

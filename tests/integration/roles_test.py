@@ -1,4 +1,5 @@
-"""Every cell of the table of docs/security.md, over TLS, against a real coordinator; and attacks by those who have an identity."""
+"""Every cell of the table of docs/security.md, over TLS, against a real coordinator; and attacks by those who
+have an identity."""
 
 import json
 import pathlib
@@ -17,7 +18,8 @@ EXIT_FAILED = 1
 
 def table():
     """Of each call what each role may do, as the page says it."""
-    text = PAGE.read_text().partition("<!-- calls and roles: begin -->\n")[2].partition("<!-- calls and roles: end -->")[0]
+    text = PAGE.read_text().partition("<!-- calls and roles: begin -->\n")[2].partition(
+        "<!-- calls and roles: end -->")[0]
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines()]
     roles = rows[0][1:]
     paths = [row[0] if row[0].startswith("grpc.") else f"lumifold.v1.{row[0]}" for row in rows[2:]]
@@ -34,7 +36,10 @@ class RolesTest(unittest.TestCase):
         cls.farm.enroll("node-1", "node-1")
         for name, scope in (("ann", "submit"), ("bob", "submit"), ("reader", "read"), ("root", "admin")):
             cls.farm.join("login", cls.farm.invite(name, "--scope", scope), profile=name)
-            cls.farm.join("login", cls.farm.invite(name, "--scope", scope), "--certificate", profile=f"{name}-by-certificate")
+            cls.farm.join("login",
+                          cls.farm.invite(name, "--scope", scope),
+                          "--certificate",
+                          profile=f"{name}-by-certificate")
         cls.plain = Farm(cls.root / "plain")
 
     @classmethod
@@ -45,8 +50,11 @@ class RolesTest(unittest.TestCase):
 
     def call(self, paths, farm, *credentials):
         """Makes calls with empty messages; of each the code."""
-        done = subprocess.run(command_of("hostile-client", ("--server", farm.address, *credentials, "call")), input="\n".join(paths),
-                              capture_output=True, text=True, timeout=300)
+        done = subprocess.run(command_of("hostile-client", ("--server", farm.address, *credentials, "call")),
+                              input="\n".join(paths),
+                              capture_output=True,
+                              text=True,
+                              timeout=300)
         self.assertEqual(done.returncode, 0, done.stderr)
         return dict(line.split(" ", 1) for line in done.stdout.splitlines())
 
@@ -67,14 +75,17 @@ class RolesTest(unittest.TestCase):
     def test_each_cell(self):
         roles, rows = table()
         cells = 0
-        for role, by_certificate in [*((role, False) for role in roles), *((role, True) for role in ("read", "submit", "admin"))]:
+        for role, by_certificate in [
+                *((role, False) for role in roles), *((role, True) for role in ("read", "submit", "admin"))
+        ]:
             farm, credentials = self.credentials(role, by_certificate)
             codes = self.call(rows, farm, *credentials)
             for path, row in rows.items():
                 with self.subTest(role=role, by_certificate=by_certificate, path=path):
                     # Codes that are not valid are refused too, but by the call itself.
                     if row["nobody"] == "yes" and path.startswith("/lumifold"):
-                        self.assertIn(codes[path], ("UNAUTHENTICATED", "INVALID_ARGUMENT", "FAILED_PRECONDITION"))
+                        self.assertIn(codes[path],
+                                      ("UNAUTHENTICATED", "INVALID_ARGUMENT", "FAILED_PRECONDITION"))
                     else:
                         self.assertEqual(codes[path] in REFUSALS, row[role] == "-", codes[path])
                 cells += 1
@@ -87,27 +98,39 @@ class RolesTest(unittest.TestCase):
                          ["Health/Check", "Health/Watch", "AccessService/Enroll", "AccessService/Login"])
 
     def test_a_call_without_a_row_is_nobodys(self):
-        paths = ("/grpc.reflection.v1.ServerReflection/ServerReflectionInfo", "/grpc.channelz.v1.Channelz/GetServers",
-                 "/lumifold.v1.FarmService/NoSuchCall", "/no.Such/Service")
-        for role, expected in (("nobody", "UNAUTHENTICATED"), ("read", "PERMISSION_DENIED"), ("admin", "PERMISSION_DENIED"),
-                               ("worker", "PERMISSION_DENIED")):
+        paths = ("/grpc.reflection.v1.ServerReflection/ServerReflectionInfo",
+                 "/grpc.channelz.v1.Channelz/GetServers", "/lumifold.v1.FarmService/NoSuchCall",
+                 "/no.Such/Service")
+        for role, expected in (("nobody", "UNAUTHENTICATED"), ("read", "PERMISSION_DENIED"),
+                               ("admin", "PERMISSION_DENIED"), ("worker", "PERMISSION_DENIED")):
             farm, credentials = self.credentials(role)
             self.assertEqual(self.call(paths, farm, *credentials), dict.fromkeys(paths, expected), role)
 
     def submit(self, profile, *arguments, check=True):
-        return self.farm.client("submit", self.scene, "--size", "32x24", "--spp", 1, "--profile", profile, *arguments, check=check)
+        return self.farm.client("submit",
+                                self.scene,
+                                "--size",
+                                "32x24",
+                                "--spp",
+                                1,
+                                "--profile",
+                                profile,
+                                *arguments,
+                                check=check)
 
     def test_a_job_of_somebody_else_does_not_exist(self):
         job = self.submit("bob").stdout.strip()
-        for command in (["status"], ["cancel"], ["pause"], ["delete"], ["explain"], ["logs", "--job"], ["watch"], ["retry"],
-                        ["download", "--frame", "1", "-o", self.root / "x.exr"]):
+        for command in (["status"], ["cancel"], ["pause"], ["delete"], ["explain"], ["logs", "--job"],
+                        ["watch"], ["retry"], ["download", "--frame", "1", "-o", self.root / "x.exr"]):
             done = self.farm.client(*command, job, "--profile", "ann", check=False)
             self.assertNotEqual(done.returncode, 0, command)
-        self.assertIn(f"no job {job}", self.farm.client("status", job, "--profile", "ann", check=False).stderr)
+        self.assertIn(f"no job {job}",
+                      self.farm.client("status", job, "--profile", "ann", check=False).stderr)
         self.assertNotIn(job, self.farm.client("list", "--profile", "ann").stdout)
         self.assertIn(job, self.farm.client("list", "--profile", "bob").stdout)
         self.assertIn(job, self.farm.client("list", "--profile", "root").stdout)
-        self.assertEqual(json.loads(self.farm.client("status", job, "--json", "--profile", "root").stdout)["user"], "bob")
+        self.assertEqual(
+            json.loads(self.farm.client("status", job, "--json", "--profile", "root").stdout)["user"], "bob")
 
     def test_a_submission_for_somebody_else_is_refused(self):
         done = self.submit("ann", "--user", "bob", check=False)
@@ -126,9 +149,14 @@ class RolesTest(unittest.TestCase):
         audit = (self.root / "farm" / "data" / "access" / "audit.log")
         text = audit.read_text()
         self.assertEqual(audit.stat().st_mode & 0o777, 0o600)
-        self.assertRegex(text, rf'identity="ann" role=submit id=\w+ address=ipv4:127\.0\.0\.1:\d+ rpc=\S+/SubmitJob subject="{job}" trace=\w{{32}} outcome=OK')
-        self.assertRegex(text, rf'identity="bob" role=submit .*CancelJob subject="{job}" trace=\w{{32}} outcome=NOT_FOUND')
-        self.assertRegex(text, rf'identity="ann" role=submit .*CancelJob subject="{job}" trace=\w{{32}} outcome=OK')
+        self.assertRegex(
+            text,
+            rf'identity="ann" role=submit id=\w+ address=ipv4:127\.0\.0\.1:\d+ rpc=\S+/SubmitJob subject="{job}" trace=\w{{32}} outcome=OK'
+        )
+        self.assertRegex(
+            text, rf'identity="bob" role=submit .*CancelJob subject="{job}" trace=\w{{32}} outcome=NOT_FOUND')
+        self.assertRegex(
+            text, rf'identity="ann" role=submit .*CancelJob subject="{job}" trace=\w{{32}} outcome=OK')
         for secret in (self.farm.token("ann"), self.farm.token("bob"), self.farm.admin_code[-22:]):
             self.assertNotIn(secret, text)
 

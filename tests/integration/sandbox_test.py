@@ -1,4 +1,5 @@
-"""A worker inside its sandbox renders what one without a sandbox renders, and the kernel says that the sandbox is up."""
+"""A worker inside its sandbox renders what one without a sandbox renders, and the kernel says that the
+sandbox is up."""
 
 import os
 import pathlib
@@ -25,7 +26,8 @@ class SandboxTest(unittest.TestCase):
         return result.read_bytes()
 
     def test_the_same_bits_with_and_without_a_sandbox(self):
-        with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+        with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as data, Farm(
+                data) as farm:
             scene = make_scene("cornell-box", pathlib.Path(folder))
             sandboxed = farm.start_worker(threads=2)
             inside = self.render(farm, scene, "inside")
@@ -50,7 +52,8 @@ class SandboxTest(unittest.TestCase):
             self.assertEqual(inside, one_process.read_bytes())
 
     def test_a_sandboxed_worker_finds_its_coordinator_by_name_and_again_after_a_restart(self):
-        with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+        with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as data, Farm(
+                data) as farm:
             scene = make_scene("cornell-box", pathlib.Path(folder))
             address = farm.address
             farm.address = address.replace("127.0.0.1", "localhost")
@@ -77,7 +80,8 @@ class SandboxTest(unittest.TestCase):
         if os.geteuid() != 0:
             self.skipTest("only root can become another user")
         done = run("lumifold-worker", "--user", "no-such-user", check=False)
-        self.assertEqual((done.returncode, done.stderr), (1, "lumifold-worker: sandbox: no user 'no-such-user'\n"))
+        self.assertEqual((done.returncode, done.stderr),
+                         (1, "lumifold-worker: sandbox: no user 'no-such-user'\n"))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""Programs tell a service manager that they are ready, alive and stopping: systemd's protocol, by a socket of the test."""
+"""Programs tell a service manager that they are ready, alive and stopping: systemd's protocol, by a socket of
+the test."""
 
 import os
 import pathlib

@@ -1,4 +1,5 @@
-"""A farm is upgraded in the middle of jobs: its ledger from that of the first version, its workers one after the other."""
+"""A farm is upgraded in the middle of jobs: its ledger from that of the first version, its workers one after
+the other."""
 
 import json
 import pathlib
@@ -34,7 +35,8 @@ INSERT INTO units SELECT films.job, films.frame, tile, kind, pass, file, positio
 INSERT INTO frames SELECT job, frame FROM now.films WHERE finished = 1;
 INSERT INTO warnings(job, line) SELECT job, line FROM now.warnings ORDER BY number;
 """
-# Names in the program, and what a worker of another numeric class has there: an earlier version, another Embree.
+# Names in the program, and what a worker of another numeric class has there: an earlier version, another
+# Embree.
 OTHER_CLASSES = [({b"0.1.0\0": b"0.0.9\0"}, "lumifold-0.0.9/"),
                  ({b"\0embree3\0": b"\0embree4\0", b"\0embree4\0": b"\0embree3\0"}, "lumifold-0.1.0/embree")]
 
@@ -73,7 +75,8 @@ class UpgradeTest(unittest.TestCase):
         result = self.root / f"{job}.exr"
         farm.client("wait", job)
         farm.client("download", job, "-o", result)
-        self.assertEqual(json.loads(run("lumifold", "compare", result, self.expected, "--json").stdout)["mse255"], 0)
+        self.assertEqual(
+            json.loads(run("lumifold", "compare", result, self.expected, "--json").stdout)["mse255"], 0)
 
     def test_a_ledger_of_the_first_version_goes_on(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
@@ -113,7 +116,8 @@ class UpgradeTest(unittest.TestCase):
 
     def expect_jobs_of_their_own_class(self, farm, other, class_start):
         def start_other():
-            farm.workers.append(Process(str(other), "--server", farm.address, "--threads", 1, "--name", "other"))
+            farm.workers.append(
+                Process(str(other), "--server", farm.address, "--threads", 1, "--name", "other"))
 
         def class_of(job):
             return (pathlib.Path(farm.data) / "film" / job / "class").read_text()
@@ -127,7 +131,8 @@ class UpgradeTest(unittest.TestCase):
         # The other one is gone before the job it began is done: the job waits for its class and says so.
         farm.workers[0].kill()
         waits = f"needs workers of class {class_start}"
-        explained = wait_until(lambda: waits in (t := farm.client("explain", begun).stdout) and t, "a job that waits for its class")
+        explained = wait_until(lambda: waits in (t := farm.client("explain", begun).stdout) and t,
+                               "a job that waits for its class")
         self.assertIn("no_worker", explained)
         self.expect_same_pixels(farm, new)
         start_other()

@@ -1,9 +1,11 @@
 """Checks with clang what gcc, which builds the project, cannot tell.
 
-    clang_checks.py commands BUILD_FOLDER            writes BUILD_FOLDER/clang/compile_commands.json for clang's tools:
-                                                     the build's, less what only gcc reads (precompiled headers)
-    clang_checks.py headers BUILD_FOLDER [--all]     each header compiles by itself; without --all only those changed
-                                                     since LUMIFOLD_TIDY_BASE (default: the last commit)
+    clang_checks.py commands BUILD_FOLDER            writes BUILD_FOLDER/clang/compile_commands.json for
+                                                     clang's tools: the build's, less what only gcc reads
+                                                     (precompiled headers)
+    clang_checks.py headers BUILD_FOLDER [--all]     each header compiles by itself; without --all only those
+                                                     changed since LUMIFOLD_TIDY_BASE (default: the last
+                                                     commit)
     clang_checks.py threads BUILD_FOLDER             -Wthread-safety finds nothing in files that hold a mutex
     clang_checks.py warnings BUILD_FOLDER            everything compiles without warnings of clang
 
@@ -47,8 +49,9 @@ def clang_arguments(command):
 
 
 def read_commands(build):
-    """The compile commands of sources that are files of the project's own kind: no precompiled headers. Where the build
-    compiles several sources at a time, each has its command, and "merged" names the file that includes them."""
+    """The compile commands of sources that are files of the project's own kind: no precompiled headers. Where
+    the build compiles several sources at a time, each has its command, and "merged" names the file that
+    includes them."""
     commands = []
     for entry in json.loads((build / "compile_commands.json").read_text()):
         path = pathlib.Path(entry["file"])
@@ -85,26 +88,31 @@ def headers(root, everything):
 
 
 def header_jobs(root, build, everything):
-    """One compilation a header, with the flags of all targets together: which target may include what is checked by
-    include_direction.py."""
+    """One compilation a header, with the flags of all targets together: which target may include what is
+    checked by include_direction.py."""
     flags = []
     for entry in read_commands(build):
         arguments = clang_arguments(entry["command"])
         pairs = [arguments[i:i + 2] for i, argument in enumerate(arguments) if argument == "-isystem"]
         singles = [[argument] for argument in arguments if re.match(r"-[ID]", argument)]
         flags += [pair for pair in pairs + singles if pair not in flags]
-    common = ["-std=c++20", "-Wall", "-Wextra", "-Werror", "-Wno-pragma-once-outside-header", "-Wno-unused-function",
-              "-Wno-unused-const-variable"]
+    common = [
+        "-std=c++20", "-Wall", "-Wextra", "-Werror", "-Wno-pragma-once-outside-header",
+        "-Wno-unused-function", "-Wno-unused-const-variable"
+    ]
     for header in headers(root, everything):
         yield header, ["-fsyntax-only", "-x", "c++", *common, *sum(flags, []), str(root / header)]
 
 
 def thread_jobs(root, build):
-    """The compilations of sources that hold a mutex or include a header that does: several at a time where the build does so,
-    because nearly all of the time goes into the headers of gRPC."""
-    texts = {path.relative_to(root).as_posix(): path.read_text()
-             for top in ("filter", "proto/rpc", "worker", "server", "client") for path in sorted((root / top).rglob("*.*"))
-             if path.suffix in (".h", ".cc")}
+    """The compilations of sources that hold a mutex or include a header that does: several at a time where
+    the build does so, because nearly all of the time goes into the headers of gRPC."""
+    texts = {
+        path.relative_to(root).as_posix(): path.read_text()
+        for top in ("filter", "proto/rpc", "worker", "server", "client")
+        for path in sorted((root / top).rglob("*.*"))
+        if path.suffix in (".h", ".cc")
+    }
     with_mutex = {name for name, text in texts.items() if MUTEX.search(text)}
     jobs = {}
     for entry in read_commands(build):
@@ -112,7 +120,8 @@ def thread_jobs(root, build):
         if name not in texts:
             continue
         own_header = name[:-len(".cc")] + ".h"
-        if name in with_mutex or any(f'"{header}"' in texts[name] for header in with_mutex) or own_header in with_mutex:
+        if name in with_mutex or any(
+                f'"{header}"' in texts[name] for header in with_mutex) or own_header in with_mutex:
             compiled = entry.get("merged", entry["file"])
             jobs[os.path.relpath(compiled, root)] = [
                 "-fsyntax-only", *clang_arguments(entry["command"]), *THREAD_SAFETY, compiled]
@@ -124,14 +133,19 @@ def warning_jobs(root, build):
     jobs = {}
     for entry in read_commands(build):
         compiled = entry.get("merged", entry["file"])
-        jobs[os.path.relpath(compiled, root)] = ["-fsyntax-only", *clang_arguments(entry["command"]), "-Werror", compiled]
+        jobs[os.path.relpath(
+            compiled, root)] = ["-fsyntax-only", *clang_arguments(entry["command"]), "-Werror", compiled]
     return jobs.items()
 
 
 def compile_all(jobs, directory):
     """Compiles each job, prints what fails, and gives the number of failures."""
     def compile_one(job):
-        result = subprocess.run(["clang++", *job[1]], cwd=directory, capture_output=True, text=True, check=False)
+        result = subprocess.run(["clang++", *job[1]],
+                                cwd=directory,
+                                capture_output=True,
+                                text=True,
+                                check=False)
         return job[0], result.returncode, result.stderr
     failed = 0
     count = 0

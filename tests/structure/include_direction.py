@@ -2,11 +2,11 @@
 
     include_direction.py SOURCE_FOLDER GRAPH_FILE
 
-GRAPH_FILE is what tests/structure/target_graph.cmake writes. A room is a folder with a CMakeLists.txt; a file belongs to the
-nearest room above it. Reported, one line each:
+GRAPH_FILE is what tests/structure/target_graph.cmake writes. A room is a folder with a CMakeLists.txt; a file
+belongs to the nearest room above it. Reported, one line each:
   * a room with C++ sources and without a target, and a target that takes sources from another room;
-  * an include of another room's header where the file's target links none of that room's, directly or through PUBLIC
-    links;
+  * an include of another room's header where the file's target links none of that room's, directly or through
+    PUBLIC links;
   * targets that link each other in a circle;
   * an include that RULES forbids.
 Ends with 0 where there is nothing to report, else with 1.
@@ -33,14 +33,21 @@ RULES = [
     Rule("filter/manifold/", r"(filter|worker|server|client|proto|tests)/",
          "the published algorithm stands on kernels and image alone", r"filter/(manifold|kernels|image)/"),
     Rule("worker/render/", PROTO, "the renderer knows no wire formats"),
-    Rule("worker/plan/", PROTO + r"|embree[34]/|filter/(?!image/)", "a plan knows the renderer and its scene alone"),
+    Rule("worker/plan/", PROTO + r"|embree[34]/|filter/(?!image/)",
+         "a plan knows the renderer and its scene alone"),
     Rule("worker/scene/", PROTO, "scenes know no wire formats"),
-    Rule("server/scheduler/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono)>|absl/synchronization/"
-         r"|absl/time/clock\.h", "the scheduler is pure state: no threads, no clock; time is an argument"),
-    Rule("client/autoscale/policy/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono|fstream|filesystem)>"
-         r"|absl/synchronization/|absl/time/clock\.h", "the autoscaler's policy is pure: no threads, no clock, no files"),
-    Rule("server/job/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono|fstream|filesystem)>"
-         r"|absl/synchronization/|absl/time/clock\.h", "jobs are pure state: no threads, no clock, no files"),
+    Rule(
+        "server/scheduler/",
+        r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono)>|absl/synchronization/"
+        r"|absl/time/clock\.h", "the scheduler is pure state: no threads, no clock; time is an argument"),
+    Rule(
+        "client/autoscale/policy/",
+        r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono|fstream|filesystem)>"
+        r"|absl/synchronization/|absl/time/clock\.h",
+        "the autoscaler's policy is pure: no threads, no clock, no files"),
+    Rule(
+        "server/job/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono|fstream|filesystem)>"
+        r"|absl/synchronization/|absl/time/clock\.h", "jobs are pure state: no threads, no clock, no files"),
     Rule("server/services/", r"server/coordinator/", "services see a coordinator as its roles",
          r"server/coordinator/roles\.h"),
     Rule("server/access/", r"server/(?!access/|ledger/)", "access control knows no jobs"),
@@ -120,7 +127,8 @@ def circles(targets):
         state[name] = "open"
         for other in sorted(targets[name].links & targets.keys()):
             if state.get(other) == "open":
-                found.append("targets link each other in a circle: " + " -> ".join(path[path.index(other):] + [other]))
+                found.append("targets link each other in a circle: " +
+                             " -> ".join(path[path.index(other):] + [other]))
             elif other not in state:
                 visit(other, path + [other])
         state[name] = "done"
@@ -164,7 +172,8 @@ def is_project_of_its_own(root, room):
 
 
 def provider(root, header):
-    """The room, or for generated headers the target, that a quoted or bracketed include names; None for others'."""
+    """The room, or for generated headers the target, that a quoted or bracketed include names; None for
+    others'."""
     if header.startswith("lumifold/v1/"):
         return "lumifold_services" if header.endswith(".grpc.pb.h") else "lumifold_proto"
     if (root / header).is_file() and header.split("/")[0] in TOP_FOLDERS:
@@ -184,7 +193,8 @@ def forbidden(file, header, in_brackets):
         if rule.folder == "" and file.startswith("tests/"):
             continue
         written = f"<{header}>" if in_brackets and "/" not in header else header
-        if file.startswith(rule.folder) and re.match(rule.forbidden, written) and not re.match(rule.allowed, header):
+        if file.startswith(rule.folder) and re.match(rule.forbidden,
+                                                     written) and not re.match(rule.allowed, header):
             yield rule.reason
 
 
@@ -206,7 +216,9 @@ def check(root, graph):
             names = reachable(targets, target.name)
             allowed |= names | {targets[name].room for name in names}
         for header, in_brackets in included_by(root, file):
-            problems += [f"{file}: includes {header}: {reason}" for reason in forbidden(file, header, in_brackets)]
+            problems += [
+                f"{file}: includes {header}: {reason}" for reason in forbidden(file, header, in_brackets)
+            ]
             other = provider(root, header)
             if other and other not in allowed and room != SUPPORT:
                 problems.append(f"{file}: includes {header}, but links no target of {other}")

@@ -52,17 +52,20 @@ class IncludeDirectionTest(unittest.TestCase):
         self.assertEqual(self.problems({}), "")
 
     def test_an_include_against_the_links(self):
-        self.assertIn("filter/image/plane.cc: includes filter/manifold/tree.h, but links no target of filter/manifold",
-                      self.problems({"filter/image/plane.cc": '#include "filter/manifold/tree.h"\n'}))
+        self.assertIn(
+            "filter/image/plane.cc: includes filter/manifold/tree.h, but links no target of filter/manifold",
+            self.problems({"filter/image/plane.cc": '#include "filter/manifold/tree.h"\n'}))
 
     def test_private_links_are_not_handed_on(self):
-        graph = GRAPH.replace("lumifold::image\tlumifold::image", "lumifold::image\t$<LINK_ONLY:lumifold::image>")
+        graph = GRAPH.replace("lumifold::image\tlumifold::image",
+                              "lumifold::image\t$<LINK_ONLY:lumifold::image>")
         self.assertIn("server/scheduler/scheduler.cc: includes filter/image/plane.h, but links no target",
                       self.problems({}, graph))
 
     def test_a_circle(self):
         graph = GRAPH.replace("plane.cc\tabsl::status", "plane.cc\tlumifold::manifold")
-        self.assertIn("circle: lumifold_image -> lumifold_manifold -> lumifold_image", self.problems({}, graph))
+        self.assertIn("circle: lumifold_image -> lumifold_manifold -> lumifold_image", self.problems({},
+                                                                                                     graph))
 
     def test_a_room_without_a_target(self):
         self.assertIn("filter/edges: has sources and no target",
@@ -92,7 +95,8 @@ class IncludeDirectionTest(unittest.TestCase):
 class ClangChecksTest(unittest.TestCase):
     def test_a_header_that_leans_on_its_includer(self):
         with tempfile.TemporaryDirectory() as root:
-            write_tree(root, {"alone.h": "#include <string>\nstd::string f();\n", "leans.h": "std::string f();\n"})
+            write_tree(root,
+                       {"alone.h": "#include <string>\nstd::string f();\n", "leans.h": "std::string f();\n"})
             jobs = [(name, ["-fsyntax-only", "-x", "c++", str(pathlib.Path(root, name))])
                     for name in ("alone.h", "leans.h")]
             self.assertEqual(clang_checks.compile_all(jobs, root), 1)
@@ -123,11 +127,15 @@ class ProjectTest(unittest.TestCase):
         self.assertEqual(include_direction.check(root, graph), [])
 
     def test_texts_in_lines_of_the_log_are_escaped(self):
-        """A value that the format puts in quotes could end them, and add fields: logging::Quoted escapes it."""
+        """A value that the format puts in quotes could end them, and add fields: logging::Quoted escapes
+        it."""
         root = pathlib.Path(__file__).resolve().parents[2]
         unsafe = re.compile(r'"event=[^\n]*=\\"\{')
         self.assertTrue(unsafe.search(r'log->warn("event=failed error=\"{}\"", text);'))
-        sources = [path for folder in ("proto", "server", "worker", "client") for path in (root / folder).rglob("*.cc")]
+        sources = [
+            path for folder in ("proto", "server", "worker", "client")
+            for path in (root / folder).rglob("*.cc")
+        ]
         self.assertGreater(len(sources), 100)
         self.assertEqual([str(path) for path in sources if unsafe.search(path.read_text())], [])
 

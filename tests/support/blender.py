@@ -23,15 +23,24 @@ def require():
 @functools.cache
 def version():
     """Major and minor number."""
-    printed = subprocess.run([PROGRAM, "--version"], env=ENVIRONMENT, capture_output=True, text=True, check=True).stdout
+    printed = subprocess.run([PROGRAM, "--version"],
+                             env=ENVIRONMENT,
+                             capture_output=True,
+                             text=True,
+                             check=True).stdout
     return tuple(map(int, re.search(r"Blender (\d+)\.(\d+)", printed).groups()))
 
 
 def command(script, *arguments, options=()):
     """Runs a script without a window and with factory settings."""
-    return [PROGRAM, "-b", "--factory-startup", *options, "--python-exit-code", "1", "--python", script, "--", *arguments]
+    return [
+        PROGRAM, "-b", "--factory-startup", *options, "--python-exit-code", "1", "--python", script, "--",
+        *arguments
+    ]
 
 
 def expression(code, *arguments):
     """Runs code instead of a script."""
-    return [PROGRAM, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", code, "--", *arguments]
+    return [
+        PROGRAM, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", code, "--", *arguments
+    ]

@@ -17,7 +17,8 @@ KEYS = {"escape": "\ue00c", "enter": "\ue007", "tab": "\ue004"}
 
 def missing():
     """Why there is no browser here; empty if there is one."""
-    return "" if shutil.which("chromedriver") and shutil.which("chromium") else "chromium and chromium-driver are not installed"
+    return "" if shutil.which("chromedriver") and shutil.which(
+        "chromium") else "chromium and chromium-driver are not installed"
 
 
 class Browser(contextlib.AbstractContextManager):
@@ -25,18 +26,36 @@ class Browser(contextlib.AbstractContextManager):
 
     def __init__(self, width=1280, height=800, *arguments):
         self.profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
-        self.driver = subprocess.Popen(["chromedriver", "--port=0"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-        port = next(line.split(" on port ")[1].strip().rstrip(".") for line in self.driver.stdout if "started successfully on port" in line)
+        self.driver = subprocess.Popen(["chromedriver", "--port=0"],
+                                       stdout=subprocess.PIPE,
+                                       stderr=subprocess.DEVNULL,
+                                       text=True)
+        port = next(
+            line.split(" on port ")[1].strip().rstrip(".")
+            for line in self.driver.stdout
+            if "started successfully on port" in line)
         self.url = f"http://127.0.0.1:{port}/session"
-        options = {"binary": shutil.which("chromium"),
-                   "args": ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", f"--user-data-dir={self.profile.name}",
-                            f"--window-size={width},{height}", *arguments]}
-        answer = self.send("POST", "", {"capabilities": {"alwaysMatch": {
-            "goog:chromeOptions": options, "goog:loggingPrefs": {"browser": "ALL"}, "acceptInsecureCerts": True}}})
+        options = {
+            "binary": shutil.which("chromium"), "args": [
+                "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
+                f"--user-data-dir={self.profile.name}", f"--window-size={width},{height}", *arguments
+            ]
+        }
+        answer = self.send(
+            "POST", "", {
+                "capabilities": {
+                    "alwaysMatch": {
+                        "goog:chromeOptions": options, "goog:loggingPrefs": {"browser": "ALL"},
+                        "acceptInsecureCerts": True
+                    }
+                }
+            })
         self.url += "/" + answer["sessionId"]
 
     def send(self, method, path, body=None):
-        request = urllib.request.Request(self.url + path, method=method, data=None if body is None else json.dumps(body).encode(),
+        request = urllib.request.Request(self.url + path,
+                                         method=method,
+                                         data=None if body is None else json.dumps(body).encode(),
                                          headers={"Content-Type": "application/json"})
         try:
             with urllib.request.urlopen(request, timeout=PATIENCE_SECONDS) as answer:
@@ -45,7 +64,8 @@ class Browser(contextlib.AbstractContextManager):
             raise AssertionError(json.load(error)["value"]["message"]) from error
 
     def go(self, url):
-        self.send("POST", "/url", {"url": "about:blank"})  # another fragment alone would not load the page again
+        self.send("POST", "/url",
+                  {"url": "about:blank"})  # another fragment alone would not load the page again
         self.send("POST", "/url", {"url": url})
 
     def reload(self):
@@ -75,15 +95,20 @@ class Browser(contextlib.AbstractContextManager):
             if value := self.run(script, *arguments):
                 return value
             time.sleep(0.05)
-        raise AssertionError(f"{what}: not within {seconds} s; the page says:\n{self.text('body')[:2000]}\n{self.log()}")
+        raise AssertionError(
+            f"{what}: not within {seconds} s; the page says:\n{self.text('body')[:2000]}\n{self.log()}")
 
     def wait_text(self, css, text, **options):
-        self.wait("return (document.querySelector(arguments[0])?.innerText ?? '').includes(arguments[1])", f"{text!r} in {css}", css, text,
-                  **options)
+        self.wait("return (document.querySelector(arguments[0])?.innerText ?? '').includes(arguments[1])",
+                  f"{text!r} in {css}", css, text, **options)
 
     def log(self):
         """The errors on the console since the last call."""
-        return [entry["message"] for entry in self.send("POST", "/se/log", {"type": "browser"}) if entry["level"] == "SEVERE"]
+        return [
+            entry["message"]
+            for entry in self.send("POST", "/se/log", {"type": "browser"})
+            if entry["level"] == "SEVERE"
+        ]
 
     def resize(self, width, height):
         self.send("POST", "/window/rect", {"width": width, "height": height})

@@ -1,4 +1,5 @@
-"""Several coordinators that share a PostgreSQL database (LUMIFOLD_STORE) and a data folder, and their workers."""
+"""Several coordinators that share a PostgreSQL database (LUMIFOLD_STORE) and a data folder, and their
+workers."""
 
 import contextlib
 import json
@@ -11,8 +12,9 @@ SETTINGS = ["--size", "96x72", "--seed", "5", "--save-film"]
 
 
 class Cluster(contextlib.AbstractContextManager):
-    """Coordinators that share a data folder, and workers that know all of them. Coordinators run on `hosts` of a network (see
-    network.py), workers and clients on its hub; without a network all are on this machine."""
+    """Coordinators that share a data folder, and workers that know all of them. Coordinators run on `hosts`
+    of a network (see network.py), workers and clients on its hub; without a network all are on this
+    machine."""
 
     def __init__(self, data, coordinators=3, workers=4, failover=2, network=None):
         self.data = data
@@ -29,7 +31,14 @@ class Cluster(contextlib.AbstractContextManager):
 
     def start_coordinator(self, listen="", host=None):
         listen = listen or f"{host.address if host else '127.0.0.1'}:0"
-        process = Process("lumifold-server", "--data", self.data, "--listen", listen, *self.consent, *self.arguments, host=host)
+        process = Process("lumifold-server",
+                          "--data",
+                          self.data,
+                          "--listen",
+                          listen,
+                          *self.consent,
+                          *self.arguments,
+                          host=host)
         line = process.popen.stdout.readline()
         if not line.startswith("listening on "):
             raise AssertionError(f"no server: {line}{process.log_text()}")
@@ -46,11 +55,23 @@ class Cluster(contextlib.AbstractContextManager):
         return self.start_coordinator(process.address, process.host)
 
     def start_worker(self, *arguments):
-        return Process("lumifold-worker", "--server", ",".join(self.addresses), *self.consent, "--threads", 1, *arguments,
+        return Process("lumifold-worker",
+                       "--server",
+                       ",".join(self.addresses),
+                       *self.consent,
+                       "--threads",
+                       1,
+                       *arguments,
                        host=self.hub)
 
     def client(self, command, *arguments, at=None, **options):
-        return run("lumifold", command, "--server", (at or self.coordinators[0]).address, *self.consent, *arguments, host=self.hub, **options)
+        return run("lumifold",
+                   command,
+                   "--server", (at or self.coordinators[0]).address,
+                   *self.consent,
+                   *arguments,
+                   host=self.hub,
+                   **options)
 
     def submit(self, scene, *settings, at):
         return self.client("submit", scene, *SETTINGS, *settings, at=at).stdout.strip()
@@ -66,7 +87,8 @@ class Cluster(contextlib.AbstractContextManager):
 
     def last_logs(self, most_lines=200):
         """What each coordinator logged last, for the message of a failing test."""
-        return "\n".join(f"\n{each.address}, process {each.popen.pid}:\n" + "\n".join(each.log_text().splitlines()[-most_lines:])
+        return "\n".join(f"\n{each.address}, process {each.popen.pid}:\n" +
+                         "\n".join(each.log_text().splitlines()[-most_lines:])
                          for each in [*self.killed, *self.coordinators])
 
     def living(self):

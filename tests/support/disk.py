@@ -83,8 +83,8 @@ class SmallDisk(contextlib.AbstractContextManager):
         execute("fsfreeze", "-u", self.path)
 
     def abort(self):
-        """Becomes read-only under the feet of whoever writes, as after an error of the device, until it is mounted again.
-        ext4 only."""
+        """Becomes read-only under the feet of whoever writes, as after an error of the device, until it is
+        mounted again. ext4 only."""
         execute("mount", "-o", "remount,abort", self.path)
 
     def __exit__(self, *_):

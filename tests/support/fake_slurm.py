@@ -1,11 +1,12 @@
-"""Fakes of squeue, sbatch and scancel, in front of all others on PATH. They keep a queue in a file, with a line for each job as
-squeue prints it, and run no job. tests/support/slurm.py starts a real Slurm."""
+"""Fakes of squeue, sbatch and scancel, in front of all others on PATH. They keep a queue in a file, with a
+line for each job as squeue prints it, and run no job. tests/support/slurm.py starts a real Slurm."""
 
 import fcntl
 import os
 
 FARM_NAME = "test"
-# A line of the queue is "%A|%T|%S|%e|%C|%r|%j" of squeue. Two programs may call at the same time: hence flock.
+# A line of the queue is "%A|%T|%S|%e|%C|%r|%j" of squeue. Two programs may call at the same time: hence
+# flock.
 COMMANDS = {
     "squeue": 'flock -s "$folder/lock" cat "$folder/queue"',
     "sbatch": """
@@ -45,7 +46,8 @@ class FakeSlurm:
     def answer(self, command, script):
         """From now on the command runs this shell script."""
         file = self.bin / f"{command}.new"
-        file.write_text(f"#!/bin/sh\nfolder={self.folder}\necho \"{command} $*\" >>\"$folder/calls\"\n{script}\n")
+        file.write_text(
+            f"#!/bin/sh\nfolder={self.folder}\necho \"{command} $*\" >>\"$folder/calls\"\n{script}\n")
         file.chmod(0o755)
         file.replace(self.bin / command)  # for those who are calling it
 

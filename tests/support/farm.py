@@ -21,7 +21,8 @@ def command_of(program, arguments, host=None):
 
 
 def run(program, *arguments, timeout=PATIENCE_SECONDS, check=True, host=None, **options):
-    """Runs one of our programs to its end, on `host` (see network.py); returns the finished process with text output."""
+    """Runs one of our programs to its end, on `host` (see network.py); returns the finished process with text
+    output."""
     command = command_of(program, arguments, host)
     done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, **options)
     if check and done.returncode != 0:
@@ -42,7 +43,8 @@ class TooLate(AssertionError):
 def wait_until(condition, what, seconds=PATIENCE_SECONDS):
     """Polls until the condition returns a true value, and returns it; fails after `seconds`.
 
-    Polling takes at most a third of the time: a condition that starts a program would take a processor from the farm.
+    Polling takes at most a third of the time: a condition that starts a program would take a processor from
+    the farm.
     """
     deadline = time.monotonic() + seconds
     while (start := time.monotonic()) < deadline:
@@ -53,12 +55,13 @@ def wait_until(condition, what, seconds=PATIENCE_SECONDS):
 
 
 class Process:
-    """One of our daemons. Its log is kept for the messages of failing tests: in a file that goes with it, or in `log`, to
-    which it is appended. It runs on `host` (see network.py), or without one on this machine."""
+    """One of our daemons. Its log is kept for the messages of failing tests: in a file that goes with it, or
+    in `log`, to which it is appended. It runs on `host` (see network.py), or without one on this machine."""
 
     def __init__(self, program, *arguments, stderr=None, log=None, host=None):
         self.host = host
-        self.log = open(log, "a+") if log else tempfile.NamedTemporaryFile("w+", suffix=f"-{pathlib.Path(program).name}.log")
+        self.log = open(log, "a+") if log else tempfile.NamedTemporaryFile(
+            "w+", suffix=f"-{pathlib.Path(program).name}.log")
         self.popen = subprocess.Popen(
             command_of(program, arguments, host), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
             stderr=stderr or self.log, text=True
@@ -72,7 +75,8 @@ class Process:
             return self.popen.wait(timeout=PATIENCE_SECONDS)
         except subprocess.TimeoutExpired:
             self.kill()
-            raise AssertionError(f"did not end within {PATIENCE_SECONDS} s of SIGTERM\n" + self.log_text()) from None
+            raise AssertionError(f"did not end within {PATIENCE_SECONDS} s of SIGTERM\n" +
+                                 self.log_text()) from None
         finally:
             if not self.popen.stdout.closed:
                 self.popen.stdout.close()
@@ -113,8 +117,8 @@ class Process:
 
 
 class Farm(contextlib.AbstractContextManager):
-    """A coordinator with a data folder, and its workers. With a folder `logs`, all logs are kept there; with a `host` (see
-    network.py) the coordinator and its clients run there."""
+    """A coordinator with a data folder, and its workers. With a folder `logs`, all logs are kept there; with
+    a `host` (see network.py) the coordinator and its clients run there."""
 
     def __init__(self, data, *server_arguments, stderr=None, listen="127.0.0.1:0", logs=None, host=None):
         self.data = data
@@ -140,8 +144,15 @@ class Farm(contextlib.AbstractContextManager):
 
     def launch_server(self, *arguments, listen, stderr=None):
         """Starts the coordinator and does not wait until it listens."""
-        self.server = Process("lumifold-server", "--data", self.data, "--listen", listen, *arguments, stderr=stderr,
-                              log=self.log_of("server"), host=self.host)
+        self.server = Process("lumifold-server",
+                              "--data",
+                              self.data,
+                              "--listen",
+                              listen,
+                              *arguments,
+                              stderr=stderr,
+                              log=self.log_of("server"),
+                              host=self.host)
 
     def restart_server(self):
         """Starts the coordinator again after its end, at the same address and with the same arguments."""

@@ -11,7 +11,8 @@ GET = b"GET /metrics HTTP/1.1\r\nHost: farm\r\nConnection: close\r\n\r\n"
 
 def address_of(process):
     """Where a coordinator or worker shows its metrics, by its log."""
-    found = wait_until(lambda: re.search(r"event=metrics address=(\S+):(\d+)", process.log_text()), "the endpoint")
+    found = wait_until(lambda: re.search(r"event=metrics address=(\S+):(\d+)", process.log_text()),
+                       "the endpoint")
     return found[1], int(found[2])
 
 

@@ -1,5 +1,5 @@
-"""Hosts of a network of their own on this machine, whose connections a test can break: Linux network namespaces on a bridge,
-with faults by nftables. Needs root, `ip` and `nft`."""
+"""Hosts of a network of their own on this machine, whose connections a test can break: Linux network
+namespaces on a bridge, with faults by nftables. Needs root, `ip` and `nft`."""
 
 import contextlib
 import itertools
@@ -67,8 +67,8 @@ class Host:
     def lost_packets(self):
         """Number of packets that the present fault has stopped."""
         rules = json.loads(execute(*self.prefix, "nft", "-j", "list", "ruleset"))["nftables"]
-        return sum(part["counter"]["packets"] for entry in rules if "rule" in entry for part in entry["rule"]["expr"]
-                   if "counter" in part)
+        return sum(part["counter"]["packets"] for entry in rules if "rule" in entry
+                   for part in entry["rule"]["expr"] if "counter" in part)
 
 
 class Network(contextlib.AbstractContextManager):
@@ -93,7 +93,8 @@ class Network(contextlib.AbstractContextManager):
             execute("ip", "-n", hub, "link", "set", device, "up")
         for i, host in enumerate(self.hosts):
             execute("ip", "netns", "add", host.name)
-            execute("ip", "-n", hub, "link", "add", f"host{i}", "type", "veth", "peer", "name", "eth0", "netns", host.name)
+            execute("ip", "-n", hub, "link", "add", f"host{i}", "type", "veth", "peer", "name", "eth0",
+                    "netns", host.name)
             execute("ip", "-n", hub, "link", "set", f"host{i}", "master", "bridge", "up")
             execute("ip", "-n", host.name, "addr", "add", f"{host.address}/24", "dev", "eth0")
             for device in ("lo", "eth0"):

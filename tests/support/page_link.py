@@ -24,12 +24,17 @@ class PageLink:
         return http.client.HTTPConnection(self.host, self.port, timeout=timeout)
 
     def request(self, method, path, body=None, **headers):
-        """Status, headers and bytes of an answer. Headers with the value None are left out; `_` in their names is a dash."""
-        sent = {"Authorization": f"Bearer {self.session}", **({"Content-Type": "application/json"} if body is not None else {}),
-                **{name.replace("_", "-"): value for name, value in headers.items()}}
+        """Status, headers and bytes of an answer. Headers with the value None are left out; `_` in their
+        names is a dash."""
+        sent = {
+            "Authorization": f"Bearer {self.session}",
+            **({"Content-Type": "application/json"} if body is not None else {}),
+            **{name.replace("_", "-"): value for name, value in headers.items()}
+        }
         connection = self.connect()
         try:
-            connection.request(method, path, body, {name: value for name, value in sent.items() if value is not None})
+            connection.request(method, path, body,
+                               {name: value for name, value in sent.items() if value is not None})
             answer = connection.getresponse()
             return answer.status, answer.headers, answer.read()
         finally:

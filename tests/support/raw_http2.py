@@ -1,4 +1,5 @@
-"""Just enough of HTTP/2 to break its rules: a client that opens streams and ignores what the server allows."""
+"""Just enough of HTTP/2 to break its rules: a client that opens streams and ignores what the server
+allows."""
 
 import socket
 import struct
@@ -29,8 +30,8 @@ def message(payload):
 
 
 class RawConnection:
-    """One connection, from the address `source`. It keeps to no limit of streams; without `polite` it does not even say that
-    it has seen the server's settings."""
+    """One connection, from the address `source`. It keeps to no limit of streams; without `polite` it does
+    not even say that it has seen the server's settings."""
 
     def __init__(self, address, source="", timeout=10, polite=True):
         host, port = address.rsplit(":", 1)
@@ -49,7 +50,8 @@ class RawConnection:
         return stream
 
     def frames(self):
-        """(kind, flags, stream, payload) of all frames until the server closes the connection or says nothing for long."""
+        """(kind, flags, stream, payload) of all frames until the server closes the connection or says nothing
+        for long."""
         while True:
             try:
                 more = self.socket.recv(1 << 16)
@@ -62,7 +64,8 @@ class RawConnection:
                 size = int.from_bytes(self.buffer[:3], "big")
                 if len(self.buffer) < 9 + size:
                     break
-                kind, flags, stream = self.buffer[3], self.buffer[4], int.from_bytes(self.buffer[5:9], "big") & 0x7FFFFFFF
+                kind, flags, stream = self.buffer[3], self.buffer[4], int.from_bytes(self.buffer[5:9],
+                                                                                     "big") & 0x7FFFFFFF
                 payload, self.buffer = self.buffer[9:9 + size], self.buffer[9 + size:]
                 if kind == SETTINGS and not flags & ACK and self.polite:
                     self.send(frame(SETTINGS, ACK, 0))

@@ -49,7 +49,8 @@ class SlowProxy:
 
     def forward(self, source, target, is_upload):
         rate = self.upload_rate if is_upload else self.download_rate
-        turn = self.TURN_BYTES if rate is None else max(1, min(self.TURN_BYTES, int(rate * self.TURN_SECONDS)))
+        turn = self.TURN_BYTES if rate is None else max(1, min(self.TURN_BYTES, int(rate *
+                                                                                    self.TURN_SECONDS)))
         try:
             while data := source.recv(turn):
                 target.sendall(data)

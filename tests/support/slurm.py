@@ -1,5 +1,6 @@
-"""A Slurm cluster of one node on this machine for one test: munged, slurmctld and slurmd, and where asked slurmdbd over MariaDB.
-All of it on free ports and in a folder of its own. Needs root and the packages of `deploy/setup.sh --tests`."""
+"""A Slurm cluster of one node on this machine for one test: munged, slurmctld and slurmd, and where asked
+slurmdbd over MariaDB. All of it on free ports and in a folder of its own. Needs root and the packages of
+`deploy/setup.sh --tests`."""
 
 import contextlib
 import os
@@ -98,12 +99,14 @@ def free_port():
 
 
 class Slurm(contextlib.AbstractContextManager):
-    """A cluster that runs jobs from the end of its constructor to the end of the `with`. `folder` exists, and is readable by
-    all users. Partitions: `farm` (the default), and `urgent`, which preempts jobs of `farm` by requeueing them.
+    """A cluster that runs jobs from the end of its constructor to the end of the `with`. `folder` exists, and
+    is readable by all users. Partitions: `farm` (the default), and `urgent`, which preempts jobs of `farm` by
+    requeueing them.
 
     cpus          of the node, which may be more than those of this machine
     accounting    with slurmdbd and MariaDB, so that sacct knows every job
-    kill_wait     seconds from SIGTERM to SIGKILL where a job is cancelled, requeued, preempted or over its time limit
+    kill_wait     seconds from SIGTERM to SIGKILL where a job is cancelled, requeued, preempted or over its
+                  time limit
     requeue_exit  exit codes with which a job is requeued"""
 
     def __init__(self, folder, cpus=8, accounting=False, kill_wait=20, requeue_exit=(4,), cred_expire=5):
@@ -116,14 +119,23 @@ class Slurm(contextlib.AbstractContextManager):
         self.host = socket.gethostname().split(".")[0]
         try:
             self.start_munge()
-            database = self.start_accounting() if accounting else "AccountingStorageType=accounting_storage/none"
-            (self.folder / "slurm.conf").write_text(SLURM_CONF.format(
-                host=self.host, node=self.host, folder=self.folder, cpus=cpus, ctld_port=free_port(), d_port=free_port(),
-                kill_wait=kill_wait, cred_expire=cred_expire, accounting=database,
-                requeue_exit=",".join(map(str, requeue_exit))))
+            database = self.start_accounting(
+            ) if accounting else "AccountingStorageType=accounting_storage/none"
+            (self.folder / "slurm.conf").write_text(
+                SLURM_CONF.format(host=self.host,
+                                  node=self.host,
+                                  folder=self.folder,
+                                  cpus=cpus,
+                                  ctld_port=free_port(),
+                                  d_port=free_port(),
+                                  kill_wait=kill_wait,
+                                  cred_expire=cred_expire,
+                                  accounting=database,
+                                  requeue_exit=",".join(map(str, requeue_exit))))
             self.start("slurmctld", "-D")
             self.start("slurmd", "-D")
-            self.wait_for(lambda: "idle" in self.run("sinfo", "-h", "-o", "%T", check=False).stdout, "an idle node")
+            self.wait_for(lambda: "idle" in self.run("sinfo", "-h", "-o", "%T", check=False).stdout,
+                          "an idle node")
         except BaseException:
             self.__exit__()
             raise
@@ -133,8 +145,13 @@ class Slurm(contextlib.AbstractContextManager):
     def start(self, program, *arguments, **options):
         """Starts a daemon in the foreground, with its output in a log of its own."""
         with open(self.folder / "log" / f"{program}.log", "a") as log:
-            self.daemons.append(subprocess.Popen([shutil.which(program), *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=log,
-                                                 stderr=log, env=self.environment, **options))
+            self.daemons.append(
+                subprocess.Popen([shutil.which(program), *map(str, arguments)],
+                                 stdin=subprocess.DEVNULL,
+                                 stdout=log,
+                                 stderr=log,
+                                 env=self.environment,
+                                 **options))
 
     def wait_for(self, condition, what):
         """Waits until the condition holds, and fails at once if a daemon has ended."""
@@ -157,31 +174,39 @@ class Slurm(contextlib.AbstractContextManager):
         key = folder / "key"
         key.touch(mode=0o600)
         key.write_bytes(secrets.token_bytes(1024))
-        self.start("munged", "--foreground", f"--key-file={key}", f"--socket={folder}/socket", f"--pid-file={folder}/pid",
-                   f"--log-file={folder}/log", f"--seed-file={folder}/seed")
+        self.start("munged", "--foreground", f"--key-file={key}", f"--socket={folder}/socket",
+                   f"--pid-file={folder}/pid", f"--log-file={folder}/log", f"--seed-file={folder}/seed")
         self.wait_for((folder / "socket").exists, "munged")
 
     def start_accounting(self):
         """MariaDB and slurmdbd; returns the lines of slurm.conf that use them."""
         data = self.folder / "database"
         user = "mysql"
-        subprocess.run(["mariadb-install-db", "--no-defaults", f"--datadir={data}", f"--user={user}", "--skip-test-db",
-                        "--auth-root-authentication-method=socket"], check=True, capture_output=True)
+        subprocess.run([
+            "mariadb-install-db", "--no-defaults", f"--datadir={data}", f"--user={user}", "--skip-test-db",
+            "--auth-root-authentication-method=socket"
+        ],
+                       check=True,
+                       capture_output=True)
         password, port, database_port = secrets.token_hex(16), free_port(), free_port()
         (self.folder / "database.sql").write_text(
             "CREATE DATABASE slurm_acct;\n"
             f"CREATE USER slurm@'127.0.0.1' IDENTIFIED BY '{password}';\n"
             "GRANT ALL ON slurm_acct.* TO slurm@'127.0.0.1';\n")
         # Nothing here survives the test, so nothing is synced.
-        self.start("mariadbd", "--no-defaults", f"--datadir={data}", f"--user={user}", f"--socket={data}/socket",
-                   "--bind-address=127.0.0.1", f"--port={database_port}", f"--init-file={self.folder}/database.sql",
-                   "--innodb-flush-log-at-trx-commit=0", "--innodb-buffer-pool-size=128M", "--innodb-lock-wait-timeout=900",
-                   "--skip-name-resolve")
+        self.start("mariadbd", "--no-defaults", f"--datadir={data}", f"--user={user}",
+                   f"--socket={data}/socket", "--bind-address=127.0.0.1", f"--port={database_port}",
+                   f"--init-file={self.folder}/database.sql", "--innodb-flush-log-at-trx-commit=0",
+                   "--innodb-buffer-pool-size=128M", "--innodb-lock-wait-timeout=900", "--skip-name-resolve")
         self.wait_for(lambda: self.answers(database_port), "MariaDB")
         conf = self.folder / "slurmdbd.conf"
         conf.touch(mode=0o600)
-        conf.write_text(SLURMDBD_CONF.format(host=self.host, port=port, folder=self.folder, database_port=database_port,
-                                             password=password))
+        conf.write_text(
+            SLURMDBD_CONF.format(host=self.host,
+                                 port=port,
+                                 folder=self.folder,
+                                 database_port=database_port,
+                                 password=password))
         self.start("slurmdbd", "-D")
         self.wait_for(lambda: self.answers(port), "slurmdbd")
         return ACCOUNTING.format(port=port, folder=self.folder)
@@ -196,19 +221,27 @@ class Slurm(contextlib.AbstractContextManager):
 
     def run(self, command, *arguments, check=True, environment=None):
         """Runs one of Slurm's commands to its end; returns the finished process with text output."""
-        done = subprocess.run([command, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=START_SECONDS,
+        done = subprocess.run([command, *map(str, arguments)],
+                              capture_output=True,
+                              text=True,
+                              check=False,
+                              timeout=START_SECONDS,
                               env={**self.environment, **(environment or {})})
         if check and done.returncode != 0:
-            raise AssertionError(f"{command} {arguments}: exit {done.returncode}\n{done.stdout}{done.stderr}\n{self.logs()}")
+            raise AssertionError(
+                f"{command} {arguments}: exit {done.returncode}\n{done.stdout}{done.stderr}\n{self.logs()}")
         return done
 
     def submit(self, *arguments, environment=None):
         """sbatch with these arguments; returns the job's id. Jobs see `environment` and little else."""
-        return self.run("sbatch", "--parsable", *arguments, environment=environment).stdout.strip().split(";")[0]
+        return self.run("sbatch", "--parsable", *arguments,
+                        environment=environment).stdout.strip().split(";")[0]
 
     def jobs(self, *arguments):
-        """Id and state of each job, ended ones included; an array counts as one job for each element that has started."""
-        lines = self.run("squeue", "--noheader", "--states=all", "--format=%i %T", *arguments).stdout.split("\n")
+        """Id and state of each job, ended ones included; an array counts as one job for each element that has
+        started."""
+        lines = self.run("squeue", "--noheader", "--states=all", "--format=%i %T",
+                         *arguments).stdout.split("\n")
         return dict(line.split() for line in lines if line)
 
     def field(self, job, name):
@@ -226,7 +259,8 @@ class Slurm(contextlib.AbstractContextManager):
         """Ends all jobs at once, and waits until nothing of them is left."""
         self.run("scancel", "--quiet", "--user=root", "--signal=KILL", "--full", check=False)
         self.run("scancel", "--quiet", "--user=root", check=False)
-        wait_until(lambda: not self.run("squeue", "--noheader", check=False).stdout, "no job runs", START_SECONDS)
+        wait_until(lambda: not self.run("squeue", "--noheader", check=False).stdout, "no job runs",
+                   START_SECONDS)
 
     def __exit__(self, *_):
         if self.daemons and self.daemons[-1].args[0].endswith("slurmd"):

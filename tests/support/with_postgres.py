@@ -21,7 +21,10 @@ class WithPostgres(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
         cls.root = pathlib.Path(cls.folder.name)
-        cls.postgres = subprocess.Popen(cls.postgres_command(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        cls.postgres = subprocess.Popen(cls.postgres_command(),
+                                        stdin=subprocess.PIPE,
+                                        stdout=subprocess.PIPE,
+                                        text=True)
         cls.uri = cls.postgres.stdout.readline().strip()
         if not cls.uri:
             if cls.postgres.wait() == NOT_INSTALLED:

@@ -1,5 +1,5 @@
-"""One farm of two Debians: a coordinator and a worker of this machine, and a worker in the root of another system. Each job is
-rendered by workers of one system, and its pixels are those of that system alone."""
+"""One farm of two Debians: a coordinator and a worker of this machine, and a worker in the root of another
+system. Each job is rendered by workers of one system, and its pixels are those of that system alone."""
 
 import json
 import os
@@ -26,7 +26,14 @@ class TwoSystemsTest(unittest.TestCase):
         shutil.copy(cls.scene, cls.other_folder)
         in_root = pathlib.Path("/") / cls.other_folder.relative_to(ROOT)
         run("lumifold", "render", cls.scene, *SETTINGS, "--threads", 2, "-o", cls.root / "ours.exr")
-        run(OTHER_BIN / "lumifold", "render", in_root / cls.scene.name, *SETTINGS, "--threads", 2, "-o", in_root / "other.exr",
+        run(OTHER_BIN / "lumifold",
+            "render",
+            in_root / cls.scene.name,
+            *SETTINGS,
+            "--threads",
+            2,
+            "-o",
+            in_root / "other.exr",
             host=cls.inside)
 
     def mse(self, one, other):
@@ -44,8 +51,15 @@ class TwoSystemsTest(unittest.TestCase):
 
     def test_each_job_is_of_one_system(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
-            farm.workers.append(Process(OTHER_BIN / "lumifold-worker", "--server", farm.address, "--threads", 1, "--name", "other",
-                                        host=self.inside))
+            farm.workers.append(
+                Process(OTHER_BIN / "lumifold-worker",
+                        "--server",
+                        farm.address,
+                        "--threads",
+                        1,
+                        "--name",
+                        "other",
+                        host=self.inside))
             begun = farm.client("submit", self.scene, *SETTINGS).stdout.strip()
             wait_until(lambda: farm.status(begun)["units_done"] > 0, "a unit of the other system")
             farm.start_worker("--name", "ours")
@@ -54,7 +68,9 @@ class TwoSystemsTest(unittest.TestCase):
             new = farm.client("submit", self.scene, *SETTINGS, "--class", classes["ours"]).stdout.strip()
             for job, reference in ((begun, self.other_folder / "other.exr"), (new, self.root / "ours.exr")):
                 self.assertEqual(self.mse(self.picture(farm, job), reference), 0, job)
-        print(f"the systems' pictures of one seed differ by {self.mse(self.root / 'ours.exr', self.other_folder / 'other.exr'):.4g} MSE255")
+        print(
+            f"the systems' pictures of one seed differ by {self.mse(self.root / 'ours.exr', self.other_folder / 'other.exr'):.4g} MSE255"
+        )
 
 
 if __name__ == "__main__":

@@ -13,7 +13,8 @@ bl_info = {
 
 
 def modules():
-    """The modules with classes of Blender, in the order of registration. Imported late: the others work without Blender."""
+    """The modules with classes of Blender, in the order of registration. Imported late: the others work
+    without Blender."""
     from . import engine, operators, panel, preferences, settings
 
     return preferences, settings, engine, operators, panel

@@ -11,17 +11,21 @@ def is_supported(camera):
 
 
 def gltf_camera(projection):
-    """The camera of glTF for a projection matrix of Blender; glTF has neither shift nor the aspect of pixels."""
+    """The camera of glTF for a projection matrix of Blender; glTF has neither shift nor the aspect of
+    pixels."""
     if projection[3][3] == 1:
         made = {"xmag": 1 / projection[0][0], "ymag": 1 / projection[1][1], "znear": 0.0, "zfar": 1e6}
         return {"type": "orthographic", "orthographic": made}
-    made = {"yfov": 2 * math.atan(1 / projection[1][1]), "aspectRatio": projection[1][1] / projection[0][0], "znear": 1e-3}
+    made = {
+        "yfov": 2 * math.atan(1 / projection[1][1]), "aspectRatio": projection[1][1] / projection[0][0],
+        "znear": 1e-3
+    }
     return {"type": "perspective", "perspective": made}
 
 
 def lens(camera, matrix, yfov):
-    """(f-stop, focus in metres) for the program, or (0, 0) for a pinhole. In Blender the lens has its own focal length, for the
-    program that of a sensor 24 mm high: both have the same radius."""
+    """(f-stop, focus in metres) for the program, or (0, 0) for a pinhole. In Blender the lens has its own
+    focal length, for the program that of a sensor 24 mm high: both have the same radius."""
     if not camera.dof.use_dof or camera.type != "PERSP":
         return 0.0, 0.0
     radius = camera.lens * 1e-3 / (2 * camera.dof.aperture_fstop)

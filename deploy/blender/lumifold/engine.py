@@ -10,7 +10,8 @@ from . import exr, export, frame_jobs, passes, preferences, program, world
 
 
 class Submission:
-    """Frames that the operator has rendered only to be submitted. Its jobs are kept in the scene's settings."""
+    """Frames that the operator has rendered only to be submitted. Its jobs are kept in the scene's
+    settings."""
 
     def __init__(self, settings):
         self.settings, self.error = settings, ""
@@ -32,10 +33,12 @@ class LumifoldEngine(bpy.types.RenderEngine):
 
     def update_render_passes(self, scene=None, renderlayer=None):
         for one in passes.wanted(renderlayer, scene.lumifold):
-            self.register_pass(scene, renderlayer, one.name_in_blender(), len(one.channels), one.channels, one.kind)
+            self.register_pass(scene, renderlayer, one.name_in_blender(), len(one.channels), one.channels,
+                               one.kind)
 
     def render(self, depsgraph):
-        """Renders one view layer of one frame. Blender calls it in a thread of its own, or in background mode in the only one."""
+        """Renders one view layer of one frame. Blender calls it in a thread of its own, or in background mode
+        in the only one."""
         try:
             with tempfile.TemporaryDirectory(prefix="lumifold-blender-") as folder:
                 Frame(self, depsgraph, pathlib.Path(folder)).render()
@@ -116,7 +119,9 @@ class Frame:
             return
         self.preview_time = changed
         try:
-            film = {name: passes.fitted(plane, self.part.size) for name, plane in exr.read(self.preview).items()}
+            film = {
+                name: passes.fitted(plane, self.part.size) for name, plane in exr.read(self.preview).items()
+            }
         except (OSError, ValueError, KeyError):
             return  # the result does not depend on a preview
         if "A" not in film:
@@ -146,7 +151,8 @@ class Frame:
 
 def border_of(render):
     """The render border as shares of the frame, left, bottom, right and top; None without one."""
-    return (render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y) if render.use_border else None
+    return (render.border_min_x, render.border_min_y, render.border_max_x,
+            render.border_max_y) if render.use_border else None
 
 
 def register():

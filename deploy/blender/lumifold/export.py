@@ -1,8 +1,8 @@
 """Writes the evaluated scene that Blender hands to the engine as glTF, with its camera, lights and world.
 
-Blender renders in a thread of its own, where its glTF exporter, an operator, is not safe. That one also takes modifiers at their
-viewport's settings, and neither instances nor area lights. This module reads Blender's evaluated scene (the dependency graph of the render),
-which belongs to the render, and changes nothing.
+Blender renders in a thread of its own, where its glTF exporter, an operator, is not safe. That one also takes
+modifiers at their viewport's settings, and neither instances nor area lights. This module reads Blender's
+evaluated scene (the dependency graph of the render), which belongs to the render, and changes nothing.
 """
 
 import pathlib
@@ -25,14 +25,16 @@ def export(depsgraph, folder, size, is_cancelled=lambda: False):
     if scene.camera is None:
         raise ExportError("The scene has no camera")
     if not camera.is_supported(scene.camera.data):
-        raise ExportError(f"The camera '{scene.camera.name}' is neither perspective nor orthographic: glTF has no others")
+        raise ExportError(
+            f"The camera '{scene.camera.name}' is neither perspective nor orthographic: glTF has no others")
     builder = GltfBuilder()
     writer = MaterialWriter(builder, TextureFiles(builder, folder))
     add_objects(depsgraph, builder, writer, is_cancelled)
     f_stop, focus = add_camera(depsgraph, builder, size)
     path = pathlib.Path(folder) / f"{file_name(scene)}.gltf"
     builder.write(path)
-    environment = world.write_environment(scene.world, folder, scene.lumifold.world_width, scene.frame_current)
+    environment = world.write_environment(scene.world, folder, scene.lumifold.world_width,
+                                          scene.frame_current)
     frame = max(scene.frame_current, 0)
     return Picture(str(path), size, frame, environment, f_stop, focus)
 
@@ -52,7 +54,8 @@ def add_objects(depsgraph, builder, writer, is_cancelled):
             key = mesh_key(thing)
             if key not in meshes_by_key:
                 primitives = meshes.primitives_of(builder, thing, writer.index)
-                made = builder.append("meshes", {"name": thing.data.name, "primitives": primitives}) if primitives else None
+                made = builder.append(
+                    "meshes", {"name": thing.data.name, "primitives": primitives}) if primitives else None
                 meshes_by_key[key] = made
             if meshes_by_key[key] is not None:
                 builder.node(thing.name, instance.matrix_world, mesh=meshes_by_key[key])

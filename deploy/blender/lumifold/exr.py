@@ -1,7 +1,7 @@
 """Reads and writes OpenEXR files: scan lines, ZIP compression or none, as Lumifold and Blender write them.
 
-Blender brings a module for pictures (OpenImageIO) only since 3.6, and Linux distributions package it apart from Blender. The files read here
-are the program's own, so this one form suffices everywhere.
+Blender brings a module for pictures (OpenImageIO) only since 3.6, and Linux distributions package it apart
+from Blender. The files read here are the program's own, so this one form suffices everywhere.
 """
 
 import struct
@@ -88,7 +88,8 @@ def write_rgb(path, pixels):
     """Writes an array of (height, width, 3), rows from the top, uncompressed."""
     height, width, _ = pixels.shape
     window = struct.pack("<4i", 0, 0, width - 1, height - 1)
-    channels = b"".join(name + b"\0" + struct.pack("<IIII", 2, 0, 1, 1) for name in (b"B", b"G", b"R")) + b"\0"
+    channels = b"".join(
+        name + b"\0" + struct.pack("<IIII", 2, 0, 1, 1) for name in (b"B", b"G", b"R")) + b"\0"
     header = struct.pack("<II", MAGIC, 2)
     for name, kind, value in (
         (b"channels", b"chlist", channels),

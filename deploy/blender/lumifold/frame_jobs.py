@@ -1,5 +1,5 @@
-"""Frames that are rendered at the farm while Blender does something else: which frames, their jobs, and how to ask for these.
-Needs no Blender."""
+"""Frames that are rendered at the farm while Blender does something else: which frames, their jobs, and how
+to ask for these. Needs no Blender."""
 
 import dataclasses
 import json
@@ -11,7 +11,10 @@ from . import program
 MOST_FRAMES = 100000
 ENDED = ("done", "failed", "cancelled")
 # Blender adds the suffix of its own format to a name without one.
-SUFFIXES = {".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".bmp", ".tga", ".hdr", ".webp", ".cin", ".dpx", ".jp2", ".rgb"}
+SUFFIXES = {
+    ".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".bmp", ".tga", ".hdr", ".webp", ".cin", ".dpx", ".jp2",
+    ".rgb"
+}
 
 
 @dataclasses.dataclass
@@ -25,7 +28,8 @@ class FrameJob:
 
 
 def frames_of(text, first, last, step=1):
-    """The frames of a text such as '1-48,60', in order and each once; all of the scene's range where the text is empty."""
+    """The frames of a text such as '1-48,60', in order and each once; all of the scene's range where the text
+    is empty."""
     if not text.strip():
         return list(range(first, last + 1, step))
     frames = set()
@@ -40,7 +44,8 @@ def frames_of(text, first, last, step=1):
 
 
 def picture_path(blenders_path, layer="", layers=1):
-    """The file of a frame: Blender's own name for it as OpenEXR, with the view layer where there are several."""
+    """The file of a frame: Blender's own name for it as OpenEXR, with the view layer where there are
+    several."""
     path = pathlib.Path(blenders_path)
     stem = path.name if path.suffix.lower() not in SUFFIXES else path.stem
     return str(path.with_name((f"{stem}-{layer}" if layers > 1 else stem) + ".exr"))
@@ -49,7 +54,9 @@ def picture_path(blenders_path, layer="", layers=1):
 def submit(executable, place, picture, quality, is_cancelled=lambda: False):
     """Submits a frame's scene; returns the job's id."""
     lines = []
-    program.run(program.submit_command(executable, place, picture, quality), is_cancelled, on_output=lines.append)
+    program.run(program.submit_command(executable, place, picture, quality),
+                is_cancelled,
+                on_output=lines.append)
     return json.loads(lines[-1])["job_id"]
 
 

@@ -64,7 +64,10 @@ class GltfBuilder:
             attributes["NORMAL"] = self.accessor(normals.astype(numpy.float32))
         for index, uv in enumerate(uvs):
             attributes[f"TEXCOORD_{index}"] = self.accessor(uv.astype(numpy.float32))
-        made = {"attributes": attributes, "indices": self.accessor(triangles.astype(numpy.uint32).ravel(), ELEMENT_ARRAY_BUFFER)}
+        made = {
+            "attributes": attributes,
+            "indices": self.accessor(triangles.astype(numpy.uint32).ravel(), ELEMENT_ARRAY_BUFFER)
+        }
         if material is not None:
             made["material"] = material
         return made
@@ -77,9 +80,11 @@ class GltfBuilder:
         return index
 
     def light(self, name, matrix, light):
-        """A node with a light of KHR_lights_punctual; `matrix` is that of Blender's light, which shines along its -Z as glTF's does."""
+        """A node with a light of KHR_lights_punctual; `matrix` is that of Blender's light, which shines along
+        its -Z as glTF's does."""
         self.use("KHR_lights_punctual")
-        lights = self.json.setdefault("extensions", {}).setdefault("KHR_lights_punctual", {"lights": []})["lights"]
+        lights = self.json.setdefault("extensions", {}).setdefault("KHR_lights_punctual",
+                                                                   {"lights": []})["lights"]
         lights.append({"name": name, **light})
         self.oriented_node(name, matrix, extensions={"KHR_lights_punctual": {"light": len(lights) - 1}})
 
@@ -87,7 +92,8 @@ class GltfBuilder:
         self.oriented_node(name, matrix, camera=self.append("cameras", camera))
 
     def oriented_node(self, name, matrix, **parts):
-        """A node of what has the same axes in both worlds (looks along -Z, up is Y): only the world is turned."""
+        """A node of what has the same axes in both worlds (looks along -Z, up is Y): only the world is
+        turned."""
         world = Y_UP @ numpy.array(matrix, float)
         index = self.append("nodes", {"name": name, "matrix": world.T.ravel().tolist(), **parts})
         self.json["scenes"][0]["nodes"].append(index)

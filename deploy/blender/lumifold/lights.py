@@ -28,7 +28,9 @@ def add_light(builder, name, light, matrix, soft_points):
         if light.type == "SPOT":
             outer = min(light.spot_size / 2, math.pi / 2)
             made["type"] = "spot"
-            made["spot"] = {"innerConeAngle": min(outer * (1 - light.spot_blend), outer - 1e-4), "outerConeAngle": outer}
+            made["spot"] = {
+                "innerConeAngle": min(outer * (1 - light.spot_blend), outer - 1e-4), "outerConeAngle": outer
+            }
         builder.light(name, rigid(matrix), made)
 
 
@@ -44,7 +46,8 @@ def rigid(matrix):
 
 
 def add_area(builder, name, light, matrix, color, strength):
-    """A rectangle or ellipse that emits along -Z. The light's power does not change with the object's scale, its size does."""
+    """A rectangle or ellipse that emits along -Z. The light's power does not change with the object's scale,
+    its size does."""
     width = light.size
     height = light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
     if light.shape in ("DISK", "ELLIPSE"):
@@ -54,8 +57,10 @@ def add_area(builder, name, light, matrix, color, strength):
         outline = numpy.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
     positions = numpy.column_stack([outline * (width, height), numpy.zeros(len(outline))])
     corners = numpy.arange(1, len(outline) - 1)
-    triangles = numpy.column_stack([numpy.zeros_like(corners), corners + 1, corners])  # clockwise: the front is -Z
-    add_emitter(builder, name, matrix, positions, triangles, color, strength / versions.at(versions.AREA_LIGHT))
+    triangles = numpy.column_stack([numpy.zeros_like(corners), corners + 1,
+                                    corners])  # clockwise: the front is -Z
+    add_emitter(builder, name, matrix, positions, triangles, color,
+                strength / versions.at(versions.AREA_LIGHT))
 
 
 def add_emitter(builder, name, matrix, positions, triangles, color, flux):
@@ -71,7 +76,8 @@ def add_emitter(builder, name, matrix, positions, triangles, color, flux):
         return
     material = builder.append("materials", emitter(name, color, strength / area))
     builder.use("KHR_materials_emissive_strength")
-    mesh = builder.append("meshes", {"name": name, "primitives": [builder.primitive(y_up(placed), triangles, material)]})
+    mesh = builder.append(
+        "meshes", {"name": name, "primitives": [builder.primitive(y_up(placed), triangles, material)]})
     builder.node(name, numpy.eye(4), mesh=mesh)
 
 
@@ -92,8 +98,9 @@ def icosphere(radius):
     g = (1 + math.sqrt(5)) / 2
     points = [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g), (0, -1, -g), (0, 1, -g),
               (g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)]
-    faces = [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2), (10, 7, 6), (7, 1, 8),
-             (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5), (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)]
+    faces = [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2),
+             (10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5),
+             (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)]
     middles = {}
 
     def middle(i, j):

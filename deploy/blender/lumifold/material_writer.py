@@ -18,7 +18,8 @@ class MaterialWriter:
             return None
         key = (material.name, uv_names)
         if key not in self.indices:
-            self.indices[key] = self.builder.append("materials", self.write(materials.translate(material), uv_names))
+            self.indices[key] = self.builder.append("materials",
+                                                    self.write(materials.translate(material), uv_names))
         return self.indices[key]
 
     def write(self, made, uv_names):
@@ -33,7 +34,9 @@ class MaterialWriter:
             channels = (one if isinstance(one, Texture) else 1.0 for one in (made.roughness, made.metallic))
             surface["metallicRoughnessTexture"] = info(rough[0], self.files.data(0.0, *channels))
         if made.normal:
-            written["normalTexture"] = {**info(made.normal, self.files.normal(made.normal)), "scale": made.normal_strength}
+            written["normalTexture"] = {
+                **info(made.normal, self.files.normal(made.normal)), "scale": made.normal_strength
+            }
         extensions = written.setdefault("extensions", {})
         self.write_emission(made, written, extensions, info)
         self.write_specular(made, extensions)
@@ -43,7 +46,8 @@ class MaterialWriter:
                 extensions["KHR_materials_volume"] = {"thicknessFactor": THICKNESS}
             if isinstance(made.transmission, Texture):
                 image = self.files.data(made.transmission, 0.0, 0.0)
-                extensions["KHR_materials_transmission"]["transmissionTexture"] = info(made.transmission, image)
+                extensions["KHR_materials_transmission"]["transmissionTexture"] = info(
+                    made.transmission, image)
         if made.clearcoat:
             extensions["KHR_materials_clearcoat"] = {
                 "clearcoatFactor": made.clearcoat,

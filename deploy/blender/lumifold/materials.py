@@ -1,4 +1,5 @@
-"""Materials of Blender as those of glTF: reads node trees. What a tree has that glTF cannot carry is listed. Needs no Blender."""
+"""Materials of Blender as those of glTF: reads node trees. What a tree has that glTF cannot carry is listed.
+Needs no Blender."""
 
 import dataclasses
 import math
@@ -71,7 +72,9 @@ def translate(material):
 
 
 def active_output(tree):
-    outputs = [node for node in tree.nodes if node.type == "OUTPUT_MATERIAL" and node.target in ("ALL", "CYCLES")]
+    outputs = [
+        node for node in tree.nodes if node.type == "OUTPUT_MATERIAL" and node.target in ("ALL", "CYCLES")
+    ]
     active = [node for node in outputs if node.is_active_output]
     return (active or outputs or [None])[0]
 
@@ -132,7 +135,8 @@ def read_principled(made, node):
 def read_sheen(made, value):
     weight = value.number("sheen")
     if weight > 0:
-        made.sheen_color = tuple(weight * channel for channel in value.color("Sheen Tint", may_be_texture=False))
+        made.sheen_color = tuple(
+            weight * channel for channel in value.color("Sheen Tint", may_be_texture=False))
         made.sheen_roughness = value.number("Sheen Roughness")
         made.losses.append(SHEEN)
 
@@ -147,7 +151,9 @@ def read_glossy(made, node):
     made.base_color, made.metallic = value.color("Color"), 1.0
     made.roughness = 0.0 if node.distribution == "SHARP" else value.number("Roughness", may_be_texture=True)
     if made.base_color != WHITE:
-        made.losses.append("'Glossy BSDF' has no Fresnel effect; here it is a metal, whose colour turns white at grazing angles")
+        made.losses.append(
+            "'Glossy BSDF' has no Fresnel effect; here it is a metal, whose colour turns white at grazing angles"
+        )
     read_normal(made, find_input(node, "Normal"))
 
 
@@ -240,7 +246,8 @@ class Inputs:
 
     def color(self, name, may_be_texture=True):
         socket = self.find(self.node, name)
-        return self.carried(socket, "RGB", lambda value: tuple(float(channel) for channel in value[:3]), may_be_texture)
+        return self.carried(socket, "RGB", lambda value: tuple(float(channel) for channel in value[:3]),
+                            may_be_texture)
 
     def number(self, name, may_be_texture=False):
         socket = self.find(self.node, name)
@@ -258,7 +265,8 @@ class Inputs:
         if texture is not None:
             return texture
         source = node_behind(socket)
-        self.made.losses.append(f"'{source.bl_label}' at {socket.name}" if source else f"link at {socket.name}")
+        self.made.losses.append(
+            f"'{source.bl_label}' at {socket.name}" if source else f"link at {socket.name}")
         return convert(socket.default_value)
 
 
@@ -276,7 +284,8 @@ def has_value(socket, value):
         return False
     if value is None:
         return True
-    return socket.default_value == value if is_number(value) else tuple(socket.default_value[: len(value)]) == value
+    return socket.default_value == value if is_number(value) else tuple(
+        socket.default_value[:len(value)]) == value
 
 
 def constant_behind(socket):

@@ -9,7 +9,8 @@ TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 
 
 def primitives_of(builder, thing, material_index):
-    """The primitives of an evaluated object. `material_index(material, uv_names)` gives the index of a material in the file."""
+    """The primitives of an evaluated object. `material_index(material, uv_names)` gives the index of a
+    material in the file."""
     mesh = thing.to_mesh()
     if mesh is None:
         return []
@@ -40,7 +41,8 @@ def uv_order(mesh):
 
 
 def read_mesh(mesh):
-    """Per corner of a face: position, normal and UVs, in glTF's axes; per triangle its corners and its material slot."""
+    """Per corner of a face: position, normal and UVs, in glTF's axes; per triangle its corners and its
+    material slot."""
     mesh.calc_loop_triangles()
     count = len(mesh.loops)
     positions = get(mesh.vertices, "co", 3)[get(mesh.loops, "vertex_index", 1, numpy.int32)]

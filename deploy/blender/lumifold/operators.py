@@ -1,5 +1,5 @@
-"""Operators of the panel *Frames at the Farm*. Frames are exported by Blender's own render, which alone has the scene as it is set for
-rendering: it calls the engine, and the engine submits instead of waiting."""
+"""Operators of the panel *Frames at the Farm*. Frames are exported by Blender's own render, which alone has
+the scene as it is set for rendering: it calls the engine, and the engine submits instead of waiting."""
 
 import bpy
 
@@ -16,7 +16,8 @@ class FarmOperator:
             return {"CANCELLED"}
         try:
             return self.run(context, executable)
-        except (program.ProgramError, ValueError, OSError, RuntimeError) as error:  # the last one is Blender's own
+        except (program.ProgramError, ValueError, OSError,
+                RuntimeError) as error:  # the last one is Blender's own
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
 
@@ -86,7 +87,8 @@ class LUMIFOLD_OT_forget_frames(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (LUMIFOLD_OT_submit_frames, LUMIFOLD_OT_update_frames, LUMIFOLD_OT_cancel_frames, LUMIFOLD_OT_forget_frames)
+CLASSES = (LUMIFOLD_OT_submit_frames, LUMIFOLD_OT_update_frames, LUMIFOLD_OT_cancel_frames,
+           LUMIFOLD_OT_forget_frames)
 
 
 def register():

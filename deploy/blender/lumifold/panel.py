@@ -112,7 +112,8 @@ class LUMIFOLD_PT_passes(RenderPanel, bpy.types.Panel):
 
     def draw(self, context):
         layout, view_layer, settings = self.columns(), context.view_layer, context.scene.lumifold
-        for name in ("z", "normal", "diffuse_direct", "diffuse_indirect", "diffuse_color", "emit", "environment"):
+        for name in ("z", "normal", "diffuse_direct", "diffuse_indirect", "diffuse_color", "emit",
+                     "environment"):
             layout.prop(view_layer, f"use_pass_{name}")
         layout.prop(settings, "pass_noisy")
         layout.prop(settings, "pass_reflection")
@@ -122,7 +123,8 @@ recent = {"scene": "", "time": 0.0, "losses": []}
 
 
 def recent_losses(scene):
-    """The losses, looked for again at most once a second: panels are drawn at every movement of the pointer."""
+    """The losses, looked for again at most once a second: panels are drawn at every movement of the
+    pointer."""
     now = time.monotonic()
     if recent["scene"] != scene.name or now - recent["time"] > LIST_SECONDS:
         recent.update(scene=scene.name, losses=unsupported.losses_of(scene), time=time.monotonic())

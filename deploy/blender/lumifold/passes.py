@@ -36,18 +36,23 @@ PASSES = (
     Pass("Noisy Image", "RGBA", "COLOR", setting="pass_noisy"),
     Pass("Reflection", "RGB", "COLOR", setting="pass_reflection"),
 )
-LAYERS = {"Diffuse Direct": "direct", "Diffuse Indirect": "indirect", "Diffuse Color": "albedo", "Reflection": "reflection1"}
+LAYERS = {
+    "Diffuse Direct": "direct", "Diffuse Indirect": "indirect", "Diffuse Color": "albedo",
+    "Reflection": "reflection1"
+}
 
 
 def wanted(view_layer, settings):
     """The passes that a view layer asks for; the picture itself always."""
-    return [one for one in PASSES if one.name == "Combined"
-            or getattr(*((view_layer, one.view_layer_property) if one.view_layer_property else (settings, one.setting)))]
+    return [
+        one for one in PASSES if one.name == "Combined" or getattr(*(
+            (view_layer, one.view_layer_property) if one.view_layer_property else (settings, one.setting)))
+    ]
 
 
 def pixels_of(name, film, background=None, transparent=False):
-    """Array of (height, width, channels), rows from the top. `film` has the file's channels, `background` what a ray without a hit
-    sees in each pixel (None: nothing)."""
+    """Array of (height, width, channels), rows from the top. `film` has the file's channels, `background`
+    what a ray without a hit sees in each pixel (None: nothing)."""
     alpha = film["A"]
     empty = (1 - alpha)[..., None]
     sky = numpy.zeros((*alpha.shape, 3), numpy.float32) if background is None else empty * background
@@ -72,7 +77,8 @@ def layer(film, name):
 
 
 def background_of(environment, size, camera_matrix, projection):
-    """What rays through the centres of the pixels see of an environment (height, width, 3), rows from the top."""
+    """What rays through the centres of the pixels see of an environment (height, width, 3), rows from the
+    top."""
     width, height = size
     x = (2 * (numpy.arange(width) + 0.5) / width - 1) / projection[0][0]
     y = (1 - 2 * (numpy.arange(height) + 0.5) / height) / projection[1][1]
@@ -130,9 +136,11 @@ class Part:
 
 
 def part_of(frame, border):
-    """The pixels within a border (shares of the frame: left, bottom, right, top), rounded as Blender does; all without one."""
+    """The pixels within a border (shares of the frame: left, bottom, right, top), rounded as Blender does;
+    all without one."""
     if border is None:
         return Part(0, 0, frame)
     # Blender multiplies in single precision.
-    left, bottom, right, top = (int(numpy.float32(share) * numpy.float32(frame[i % 2])) for i, share in enumerate(border))
+    left, bottom, right, top = (
+        int(numpy.float32(share) * numpy.float32(frame[i % 2])) for i, share in enumerate(border))
     return Part(left, bottom, (right - left, top - bottom))

@@ -1,4 +1,5 @@
-"""Runs the program `lumifold`: its command lines, its progress, its errors, and how it is cancelled. Needs no Blender."""
+"""Runs the program `lumifold`: its command lines, its progress, its errors, and how it is cancelled. Needs no
+Blender."""
 
 import dataclasses
 import json
@@ -36,7 +37,10 @@ class Quality:
     method: str = "default"
 
     def options(self):
-        options = ["--spp", self.samples, "--max-bounces", self.max_bounces, "--seed", self.seed, "--method", self.method]
+        options = [
+            "--spp", self.samples, "--max-bounces", self.max_bounces, "--seed", self.seed, "--method",
+            self.method
+        ]
         if self.until == "ERROR":
             options += ["--target-error", format_number(self.target_error)]
         elif self.until == "TIME":
@@ -100,7 +104,10 @@ def render_command(program, place, picture, quality, output, preview):
 
 
 def submit_command(program, place, picture, quality):
-    command = [program, "submit", picture.scene, "--json", *picture.options(), *quality.options(), *place.connection()]
+    command = [
+        program, "submit", picture.scene, "--json", *picture.options(), *quality.options(),
+        *place.connection()
+    ]
     return command + (["--priority", str(place.priority)] if place.priority else [])
 
 
@@ -114,7 +121,10 @@ def download_command(program, place, job, frame, output):
 
 def has_preview(program):
     """Whether `lumifold render` can keep a preview up to date; older programs cannot."""
-    done = subprocess.run([program, "render", "--help"], capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    done = subprocess.run([program, "render", "--help"],
+                          capture_output=True,
+                          text=True,
+                          stdin=subprocess.DEVNULL)
     return "--preview" in done.stdout
 
 
@@ -143,13 +153,19 @@ def progress_of_job(job):
 
 def error_text(lines, code):
     """The program's error: its last line that is one, without the line that names the help."""
-    named = [line for line in lines if line.startswith("lumifold") and "wrote" not in line and "--help" not in line]
+    named = [
+        line for line in lines if line.startswith("lumifold") and "wrote" not in line and "--help" not in line
+    ]
     return (named or lines or [f"lumifold ended with exit code {code}"])[-1]
 
 
-def run(command, is_cancelled=lambda: False, on_output=lambda line: None, on_message=lambda line: None, on_wait=lambda: None):
-    """Runs a command to its end. Lines of standard output and standard error go to `on_output` and `on_message`, `on_wait` is
-    called between them, all in this thread. Raises Cancelled or ProgramError."""
+def run(command,
+        is_cancelled=lambda: False,
+        on_output=lambda line: None,
+        on_message=lambda line: None,
+        on_wait=lambda: None):
+    """Runs a command to its end. Lines of standard output and standard error go to `on_output` and
+    `on_message`, `on_wait` is called between them, all in this thread. Raises Cancelled or ProgramError."""
     try:
         process = subprocess.Popen(
             list(map(str, command)), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
@@ -158,12 +174,16 @@ def run(command, is_cancelled=lambda: False, on_output=lambda line: None, on_mes
     except OSError as error:
         raise ProgramError(f"{command[0]}: {error.strerror}") from error
     lines = queue.Queue()
-    readers = [threading.Thread(target=read_lines, args=(process, name, lines), daemon=True) for name in ("stdout", "stderr")]
+    readers = [
+        threading.Thread(target=read_lines, args=(process, name, lines), daemon=True)
+        for name in ("stdout", "stderr")
+    ]
     for reader in readers:
         reader.start()
     messages = []
     try:
-        follow(process, readers, lines, is_cancelled, {"stdout": on_output, "stderr": on_message}, messages, on_wait)
+        follow(process, readers, lines, is_cancelled, {"stdout": on_output, "stderr": on_message}, messages,
+               on_wait)
     finally:
         stop(process)
         for reader in readers:
@@ -219,12 +239,14 @@ def render_here(program, place, picture, quality, output, preview, is_cancelled,
         if progress:
             on_progress(progress)
 
-    command = render_command(program, place, picture, quality, output, preview if has_preview(program) else "")
+    command = render_command(program, place, picture, quality, output,
+                             preview if has_preview(program) else "")
     return warnings_of(run(command, is_cancelled, on_message=on_message, on_wait=on_wait))
 
 
 def render_on_farm(program, place, picture, quality, output, preview, is_cancelled, on_progress, on_wait):
-    """Submits a job, follows it, and downloads its result into the file `output`. Cancels the job if the render is cancelled."""
+    """Submits a job, follows it, and downloads its result into the file `output`. Cancels the job if the
+    render is cancelled."""
     submitted = []
     on_progress(Progress("uploading"))
     run(submit_command(program, place, picture, quality), is_cancelled, on_output=submitted.append)
@@ -242,7 +264,9 @@ def render_on_farm(program, place, picture, quality, output, preview, is_cancell
         on_progress(Progress("downloading", 1, job))
         run(download_command(program, place, job, picture.frame, output), is_cancelled)
     except Cancelled:
-        subprocess.run([program, "cancel", job, *place.connection()], capture_output=True, stdin=subprocess.DEVNULL)
+        subprocess.run([program, "cancel", job, *place.connection()],
+                       capture_output=True,
+                       stdin=subprocess.DEVNULL)
         raise
     return warnings
 

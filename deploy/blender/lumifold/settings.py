@@ -25,14 +25,20 @@ class LumifoldSettings(bpy.types.PropertyGroup):
     )
     server: StringProperty(
         name="Coordinator",
-        description="HOST:PORT, or a list of them with commas; empty: LUMIFOLD_SERVER, or the server of the default profile",
+        description=
+        "HOST:PORT, or a list of them with commas; empty: LUMIFOLD_SERVER, or the server of the default profile",
     )
-    profile: StringProperty(name="Profile", description="Profile made by 'lumifold login'; empty: that of the server")
+    profile: StringProperty(name="Profile",
+                            description="Profile made by 'lumifold login'; empty: that of the server")
     insecure: BoolProperty(
-        name="Unencrypted", description="Allow a coordinator on another machine without a profile: all goes there unencrypted"
-    )
-    priority: IntProperty(name="Priority", min=-100, max=100, description="Ten more doubles the job's share of the farm")
-    frames: StringProperty(name="Frames", description="Frames to submit, such as 1-48,60; empty: those of the scene")
+        name="Unencrypted",
+        description="Allow a coordinator on another machine without a profile: all goes there unencrypted")
+    priority: IntProperty(name="Priority",
+                          min=-100,
+                          max=100,
+                          description="Ten more doubles the job's share of the farm")
+    frames: StringProperty(name="Frames",
+                           description="Frames to submit, such as 1-48,60; empty: those of the scene")
     jobs: CollectionProperty(type=LumifoldFrameJob)
     threads: IntProperty(name="Threads", min=0, max=1024, description="Threads on this machine; 0: all")
 
@@ -44,27 +50,51 @@ class LumifoldSettings(bpy.types.PropertyGroup):
             ("TIME", "Time", "A render time for each frame"),
         ),
     )
-    samples: IntProperty(name="Samples", default=64, min=1, max=1 << 20, description="Samples per pixel; at most, where sampling is adaptive")
-    adaptive: BoolProperty(name="Adaptive", description="Put the samples where the filtered picture still errs")
-    most_samples: IntProperty(name="Max Samples", default=4096, min=1, max=1 << 20, description="Samples per pixel, at most")
-    target_error: FloatProperty(
-        name="Error", default=10, min=0.001, description="Mean squared error in steps of 8-bit sRGB, after the filter"
-    )
-    seconds: FloatProperty(name="Time", default=60, min=1, subtype="TIME_ABSOLUTE", description="Render time of a frame")
-    max_bounces: IntProperty(name="Max Bounces", default=8, min=0, max=1024, description="Scattering events after the first surface")
+    samples: IntProperty(name="Samples",
+                         default=64,
+                         min=1,
+                         max=1 << 20,
+                         description="Samples per pixel; at most, where sampling is adaptive")
+    adaptive: BoolProperty(name="Adaptive",
+                           description="Put the samples where the filtered picture still errs")
+    most_samples: IntProperty(name="Max Samples",
+                              default=4096,
+                              min=1,
+                              max=1 << 20,
+                              description="Samples per pixel, at most")
+    target_error: FloatProperty(name="Error",
+                                default=10,
+                                min=0.001,
+                                description="Mean squared error in steps of 8-bit sRGB, after the filter")
+    seconds: FloatProperty(name="Time",
+                           default=60,
+                           min=1,
+                           subtype="TIME_ABSOLUTE",
+                           description="Render time of a frame")
+    max_bounces: IntProperty(name="Max Bounces",
+                             default=8,
+                             min=0,
+                             max=1024,
+                             description="Scattering events after the first surface")
     seed: IntProperty(name="Seed", min=0)
-    method: StringProperty(name="Filter", default="default", description="Method of the filter: 'default', 'none' or another")
+    method: StringProperty(name="Filter",
+                           default="default",
+                           description="Method of the filter: 'default', 'none' or another")
 
     soft_points: BoolProperty(
         name="Points as Spheres",
         default=True,
-        description="Point lights with a radius become emitting spheres with soft shadows, which the camera sees",
+        description=
+        "Point lights with a radius become emitting spheres with soft shadows, which the camera sees",
     )
-    world_width: IntProperty(
-        name="World Width", default=1024, min=16, max=8192, description="Width of the picture into which the world is baked"
-    )
+    world_width: IntProperty(name="World Width",
+                             default=1024,
+                             min=16,
+                             max=8192,
+                             description="Width of the picture into which the world is baked")
     pass_noisy: BoolProperty(name="Noisy Image", default=True, description="The picture before the filter")
-    pass_reflection: BoolProperty(name="Reflection", description="Light of glossy lobes, mirrors and glass, before the filter")
+    pass_reflection: BoolProperty(name="Reflection",
+                                  description="Light of glossy lobes, mirrors and glass, before the filter")
 
     def quality(self):
         """The settings that `program` understands."""

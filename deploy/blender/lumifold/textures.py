@@ -25,9 +25,12 @@ class TextureFiles:
         sampler = {"wrapS": WRAP[texture.extension], "wrapT": WRAP[texture.extension]}
         index = self.once(
             ("texture", image_index, texture.extension),
-            lambda: self.builder.append("textures", {"source": image_index, "sampler": self.builder.append("samplers", sampler)}),
+            lambda: self.builder.append(
+                "textures", {"source": image_index, "sampler": self.builder.append("samplers", sampler)}),
         )
-        made = {"index": index, "texCoord": uv_names.index(texture.uv_map) if texture.uv_map in uv_names else 0}
+        made = {
+            "index": index, "texCoord": uv_names.index(texture.uv_map) if texture.uv_map in uv_names else 0
+        }
         if texture.transform:
             self.builder.use("KHR_texture_transform")
             made["extensions"] = {"KHR_texture_transform": gltf_transform(*texture.transform)}
@@ -56,13 +59,15 @@ class TextureFiles:
 
     def data(self, *channels):
         """Index of a picture whose channels are those of Textures or numbers, not colours."""
-        key = ("data", *((one.image.name, one.channels) if hasattr(one, "image") else one for one in channels))
+        key = ("data",
+               *((one.image.name, one.channels) if hasattr(one, "image") else one for one in channels))
         return self.once(key, lambda: self.write(compose([self.channel(one) for one in channels])))
 
     def normal(self, texture):
         def make():
             is_data = texture.image.colorspace_settings.name == "Non-Color"
-            pixels = None if is_data and (file := self.copy(texture.image)) is not None else data_pixels(texture.image)
+            pixels = None if is_data and (file := self.copy(texture.image)) is not None else data_pixels(
+                texture.image)
             return file if pixels is None else self.write(compose([pixels[..., i] for i in range(3)]))
 
         return self.once(("normal", texture.image.name), make)
@@ -112,7 +117,8 @@ def stored_pixels(image):
     pixels = pixels.reshape(height, width, image.channels)[::-1]
     if image.channels < 3:
         pixels = numpy.repeat(pixels[..., :1], 3, axis=2)
-    return pixels if pixels.shape[2] == 4 else numpy.dstack([pixels, numpy.ones((height, width), numpy.float32)])
+    return pixels if pixels.shape[2] == 4 else numpy.dstack(
+        [pixels, numpy.ones((height, width), numpy.float32)])
 
 
 def is_coded(image):
@@ -140,7 +146,8 @@ def linear_from_srgb(x):
 
 
 def compose(channels):
-    """Bytes of (height, width, channels) from planes and numbers; smaller planes are enlarged to the largest."""
+    """Bytes of (height, width, channels) from planes and numbers; smaller planes are enlarged to the
+    largest."""
     channels = [channel for channel in channels if channel is not None]
     planes = [channel for channel in channels if isinstance(channel, numpy.ndarray)]
     height, width = (max(plane.shape[axis] for plane in planes) for axis in (0, 1))
@@ -164,4 +171,5 @@ def png(pixels):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
     header = struct.pack(">IIBBBBB", width, height, 8, 2 if channels == 3 else 6, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows.tobytes(), 6)) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(
+        rows.tobytes(), 6)) + chunk(b"IEND", b"")

@@ -62,7 +62,8 @@ def look_at_object(thing, lose, soft_points):
         lose("Light linking (lights reach all objects)", thing.name)
     if thing.type == "LIGHT":
         look_at_light(thing, lose, soft_points)
-    elif any(not getattr(thing, f"visible_{ray}", True) for ray in ("camera", "diffuse", "glossy", "transmission", "shadow")):
+    elif any(not getattr(thing, f"visible_{ray}", True)
+             for ray in ("camera", "diffuse", "glossy", "transmission", "shadow")):
         lose("Ray visibility (all rays see it)", thing.name)
     elif thing.is_holdout or thing.is_shadow_catcher:
         lose("Holdout and shadow catcher", thing.name)
@@ -91,7 +92,8 @@ def look_at_light(thing, lose, soft_points):
 
 
 def is_plain(tree):
-    """Whether a light's nodes are those that Blender makes: an emission of strength 1 and the light's colour."""
+    """Whether a light's nodes are those that Blender makes: an emission of strength 1 and the light's
+    colour."""
     emissions = [node for node in tree.nodes if node.type == "EMISSION"]
     return len(tree.nodes) <= 2 and all(
         not any(socket.is_linked for socket in node.inputs)

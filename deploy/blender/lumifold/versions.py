@@ -1,4 +1,5 @@
-"""What differs between the versions of Blender, 3.4 and later. No other module asks for the version. Needs no Blender.
+"""What differs between the versions of Blender, 3.4 and later. No other module asks for the version. Needs no
+Blender.
 
 Tables have an entry for each version that changed something; it holds until the next one.
 """
@@ -23,24 +24,32 @@ PRINCIPLED = {  # identifiers of Principled's inputs, by what they are
     },
 }
 WHITE = (1.0, 1.0, 1.0)
-# Inputs by type of node that glTF or the renderer does not have, and the value that has no effect; None: only a link has one. Those of a later
-# version within an entry are not there before.
+# Inputs by type of node that glTF or the renderer does not have, and the value that has no effect; None: only
+# a link has one. Those of a later version within an entry are not there before.
 LOST_INPUTS = {
     (3, 4): {
-        "BSDF_PRINCIPLED": {"Subsurface": 0, "Sheen": 0, "Anisotropic": 0, "Specular Tint": 0, "Transmission Roughness": 0,
-                            "Clearcoat Normal": None, "Tangent": None},
+        "BSDF_PRINCIPLED": {
+            "Subsurface": 0, "Sheen": 0, "Anisotropic": 0, "Specular Tint": 0, "Transmission Roughness": 0,
+            "Clearcoat Normal": None, "Tangent": None
+        },
         "BSDF_DIFFUSE": {"Roughness": 0},
     },
     (4, 0): {
-        "BSDF_PRINCIPLED": {"Subsurface Weight": 0, "Anisotropic": 0, "Specular Tint": WHITE, "Coat IOR": 1.5,
-                            "Coat Tint": WHITE, "Coat Normal": None, "Tangent": None, "Thin Film Thickness": 0, "Diffuse Roughness": 0,
-                            "Thin Wall": None},
+        "BSDF_PRINCIPLED": {
+            "Subsurface Weight": 0, "Anisotropic": 0, "Specular Tint": WHITE, "Coat IOR": 1.5,
+            "Coat Tint": WHITE, "Coat Normal": None, "Tangent": None, "Thin Film Thickness": 0,
+            "Diffuse Roughness": 0, "Thin Wall": None
+        },
         "BSDF_DIFFUSE": {"Roughness": 0},
         "BSDF_GLOSSY": {"Anisotropy": 0},
         "BSDF_GLASS": {"Thin Film Thickness": 0},
     },
 }
-LAMBERT = (4, 0)  # Principled's diffuse lobe is Lambert's from here on, takes light from below its highlight, and its coat has its whole weight
+LAMBERT = (
+    4, 0
+# Principled's diffuse lobe is Lambert's from here on, takes light from below its highlight, and its coat has
+# its whole weight
+)
 DISNEY_COAT = 0.25  # the share of the coat's weight before
 PASSES = {  # names of passes that are not the same in all versions
     (3, 4): {"Diffuse Direct": "DiffDir", "Diffuse Indirect": "DiffInd", "Diffuse Color": "DiffCol", "Emission": "Emit", "Environment": "Env"},
@@ -51,9 +60,17 @@ AREA_LIGHT = {(3, 4): 4, (4, 0): math.pi}
 GREASE_PENCIL = ("GPENCIL", "GREASEPENCIL")  # types of object: until 4.2, since 4.3
 # Panels of Blender that show what the engine reads; its own say which engines they are for.
 COMMON_PANELS = {
-    "DATA_PT_light", "DATA_PT_EEVEE_light", "DATA_PT_camera_dof", "DATA_PT_camera_dof_aperture", "EEVEE_MATERIAL_PT_context_material",
-    "EEVEE_MATERIAL_PT_surface", "EEVEE_WORLD_PT_surface", "WORLD_PT_context_world", "RENDER_PT_color_management",
-    "RENDER_PT_color_management_curves", "MATERIAL_PT_preview",
+    "DATA_PT_light",
+    "DATA_PT_EEVEE_light",
+    "DATA_PT_camera_dof",
+    "DATA_PT_camera_dof_aperture",
+    "EEVEE_MATERIAL_PT_context_material",
+    "EEVEE_MATERIAL_PT_surface",
+    "EEVEE_WORLD_PT_surface",
+    "WORLD_PT_context_world",
+    "RENDER_PT_color_management",
+    "RENDER_PT_color_management_curves",
+    "MATERIAL_PT_preview",
 }
 
 
@@ -70,12 +87,14 @@ def at(table):
 
 
 def find_input(node, identifier):
-    """The input of a node; None if this version has no such input. Names change with the interface, identifiers with files."""
+    """The input of a node; None if this version has no such input. Names change with the interface,
+    identifiers with files."""
     return next((socket for socket in node.inputs if socket.identifier == identifier), None)
 
 
 def principled_input(node, what):
-    """An input of Principled by a key of PRINCIPLED, or by its identifier where that is the same in all versions."""
+    """An input of Principled by a key of PRINCIPLED, or by its identifier where that is the same in all
+    versions."""
     return find_input(node, at(PRINCIPLED).get(what, what))
 
 
@@ -94,7 +113,8 @@ def pass_name(name):
 
 
 def node_tree(owner):
-    """The nodes of a material, world or light that count, or None. Blender 5 has no switch any more, and drops its name in 6."""
+    """The nodes of a material, world or light that count, or None. Blender 5 has no switch any more, and
+    drops its name in 6."""
     return owner.node_tree if getattr(owner, "use_nodes", True) else None
 
 
@@ -118,7 +138,8 @@ def light_color(light):
 
 
 def light_power(light, matrix):
-    """Watts of a light, with its exposure since 4.5, where the power may also be one for each square metre."""
+    """Watts of a light, with its exposure since 4.5, where the power may also be one for each square
+    metre."""
     area = 1 if getattr(light, "normalize", True) else light.area(matrix_world=matrix)
     return light.energy * area * 2 ** getattr(light, "exposure", 0)
 

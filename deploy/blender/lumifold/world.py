@@ -50,17 +50,28 @@ def constant_color(world):
 
 
 def bake(world, path, width, frame):
-    """Renders the world with a panoramic camera of Cycles. A second Blender does it: this one is rendering already, and its scenes
-    stay as they are."""
+    """Renders the world with a panoramic camera of Cycles. A second Blender does it: this one is rendering
+    already, and its scenes stay as they are."""
     library = path.with_name("world.blend")
     bpy.data.libraries.write(str(library), {world.original}, path_remap="ABSOLUTE", fake_user=True)
     try:
-        key = (described(world), width, frame if world.original.animation_data or world.node_tree.animation_data else 0)
+        key = (described(world), width,
+               frame if world.original.animation_data or world.node_tree.animation_data else 0)
         if key not in cache:
             script = pathlib.Path(__file__).with_name("bake_world.py")
-            command = [bpy.app.binary_path, "-b", "--factory-startup", "--python-exit-code", "1", "--python", str(script), "--",
-                       str(library), world.name, str(path), str(width), str(frame)]
-            done = subprocess.run(command, capture_output=True, text=True, errors="replace", stdin=subprocess.DEVNULL)
+            command = [
+                bpy.app.binary_path, "-b", "--factory-startup", "--python-exit-code", "1", "--python",
+                str(script), "--",
+                str(library), world.name,
+                str(path),
+                str(width),
+                str(frame)
+            ]
+            done = subprocess.run(command,
+                                  capture_output=True,
+                                  text=True,
+                                  errors="replace",
+                                  stdin=subprocess.DEVNULL)
             if done.returncode != 0 or not path.exists():
                 raise WorldError(f"The world '{world.name}' could not be baked: {done.stderr.strip()[-300:]}")
             cache.clear()
@@ -80,7 +91,9 @@ def described(world):
             lines += [repr(values_of(socket)) for socket in node.inputs]
             image = getattr(node, "image", None)
             if image is not None:
-                lines.append(f"{image.name} {image.filepath} {tuple(image.size)} {image.is_dirty} {image.colorspace_settings.name}")
+                lines.append(
+                    f"{image.name} {image.filepath} {tuple(image.size)} {image.is_dirty} {image.colorspace_settings.name}"
+                )
             if getattr(node, "node_tree", None) and node.node_tree not in trees:
                 trees.append(node.node_tree)
             ramp = getattr(node, "color_ramp", None)

@@ -27,14 +27,22 @@ def send_tricks(world):
 
 def tricks_did_nothing(world, outcome):
     outside, said = outcome
-    new = {path for path in files_outside(world) - outside if not path.is_relative_to(world.root / next(iter(world.jobs)))}
+    new = {
+        path for path in files_outside(world) - outside
+        if not path.is_relative_to(world.root / next(iter(world.jobs)))
+    }
     if new := {path for path in new if path.suffix != ".log"}:
         raise AssertionError(f"new files outside the data folder: {new}")
-    if odd := [name for name in names_inside(world) if not re.fullmatch(r"[A-Za-z0-9._/-]+", name) or ".." in name]:
+    if odd := [
+            name for name in names_inside(world)
+            if not re.fullmatch(r"[A-Za-z0-9._/-]+", name) or ".." in name
+    ]:
         raise AssertionError(f"odd names in the data folder: {odd}")
     calls, codes = re.search(r"(\d+) calls: (.*)", said).groups()
-    allowed = {"INVALID_ARGUMENT", "NOT_FOUND", "PERMISSION_DENIED", "FAILED_PRECONDITION", "OK", "RESOURCE_EXHAUSTED", "OUT_OF_RANGE",
-               "DATA_LOSS"}
+    allowed = {
+        "INVALID_ARGUMENT", "NOT_FOUND", "PERMISSION_DENIED", "FAILED_PRECONDITION", "OK",
+        "RESOURCE_EXHAUSTED", "OUT_OF_RANGE", "DATA_LOSS"
+    }
     seen = dict(re.findall(r"(\w+)=(\d+)", codes))
     # Text that is not UTF-8 does not parse, which gRPC calls INTERNAL.
     if wrong := set(seen) - allowed - {"INTERNAL", "UNIMPLEMENTED"}:
@@ -55,13 +63,23 @@ def announcements_were_refused(world, said):
 
 
 def submit_too_many(world):
-    """Submissions past the limit of a user's jobs, of which one is there: it is paused, so that it does not end meanwhile."""
+    """Submissions past the limit of a user's jobs, of which one is there: it is paused, so that it does not
+    end meanwhile."""
     running = next(iter(world.jobs))
     world.farm.client("pause", running)
     scene = world.references.scene(world.setup.picture.scene)
     accepted, refused = [], 0
     for seed in range(100, 108):
-        done = world.farm.client("submit", scene, "--size", "8x8", "--spp", 1, "--seed", seed, "--paused", check=False)
+        done = world.farm.client("submit",
+                                 scene,
+                                 "--size",
+                                 "8x8",
+                                 "--spp",
+                                 1,
+                                 "--seed",
+                                 seed,
+                                 "--paused",
+                                 check=False)
         if done.returncode == 0:
             accepted.append(done.stdout.strip())
         elif "active jobs; the limit is 4" in done.stderr:
@@ -92,12 +110,21 @@ def requests_were_refused(_, said):
 
 
 ATTACKS = [
-    Fault("tricks in texts", "'..', absolute paths, NUL, overlong, odd UTF-8 and backslashes in each text of each call", send_tricks,
-          tricks_did_nothing),
-    Fault("20 uploads of 1 TiB", "20 uploads are announced at 1 TiB each, and left open", announce, announcements_were_refused),
-    Fault("8 jobs past a limit of 4", "a user submits jobs until it is refused", submit_too_many, jobs_were_bounded,
+    Fault("tricks in texts",
+          "'..', absolute paths, NUL, overlong, odd UTF-8 and backslashes in each text of each call",
+          send_tricks, tricks_did_nothing),
+    Fault("20 uploads of 1 TiB", "20 uploads are announced at 1 TiB each, and left open", announce,
+          announcements_were_refused),
+    Fault("8 jobs past a limit of 4",
+          "a user submits jobs until it is refused",
+          submit_too_many,
+          jobs_were_bounded,
           setup=Setup(server=("--max-user-jobs", 4))),
-    # Workers are the same caller as everyone else here, so the limit leaves room for them and for the test's own client.
-    Fault("2000 requests at once", "one address makes 2000 calls at once; 40 a second and 200 at once are allowed", request_too_often,
-          requests_were_refused, setup=Setup(server=("--max-requests-per-second", 40))),
+    # Workers are the same caller as everyone else here, so the limit leaves room for them and for the test's
+    # own client.
+    Fault("2000 requests at once",
+          "one address makes 2000 calls at once; 40 a second and 200 at once are allowed",
+          request_too_often,
+          requests_were_refused,
+          setup=Setup(server=("--max-requests-per-second", 40))),
 ]

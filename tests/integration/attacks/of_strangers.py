@@ -53,7 +53,8 @@ def scan(world):
         "newlines": b"\r\n" * 100,
     }
     for i in range(50):
-        probes[f"random {i}"] = bytes([rng.choice([b for b in range(256) if b not in (0x50, 0x16)])]) + rng.randbytes(rng.randrange(2000))
+        probes[f"random {i}"] = bytes([rng.choice([b for b in range(256) if b not in (0x50, 0x16)])
+                                      ]) + rng.randbytes(rng.randrange(2000))
     left_open = []
     for name, probe in probes.items():
         with connect(world) as connection:
@@ -132,7 +133,8 @@ def send_slowly(connections):
 
 def end_dribble(_, state):
     opened, silent, slow = state
-    closed = sum(is_closed(connection) for connection in silent), sum(is_closed(connection) for connection in slow)
+    closed = sum(is_closed(connection) for connection in silent), sum(
+        is_closed(connection) for connection in slow)
     seconds = time.monotonic() - opened
     for connection in (*silent, *slow):
         connection.close()
@@ -179,7 +181,8 @@ def count_answers(connection, answers):
 def close_streams(_, state):
     connection, reader, answers, opened = state
     deadline = time.monotonic() + 60
-    while not answers["closed"] + answers["goaway"] + answers["refused"] + answers["ended"] and time.monotonic() < deadline:
+    while not answers["closed"] + answers["goaway"] + answers["refused"] + answers[
+            "ended"] and time.monotonic() < deadline:
         time.sleep(0.01)  # a busy coordinator has not looked at them yet
     answers = collections.Counter(answers)
     with contextlib.suppress(OSError):
@@ -234,7 +237,8 @@ def close_connections(_, state):
 
 def connections_were_bounded(world, kept):
     if kept > ALLOWED_CONNECTIONS:
-        raise AssertionError(f"{kept} connections of one address were kept, allowed are {ALLOWED_CONNECTIONS}")
+        raise AssertionError(
+            f"{kept} connections of one address were kept, allowed are {ALLOWED_CONNECTIONS}")
     lines = world.count(REFUSED + '"too many connections') + world.count("event=connections_refused")
     return f"{kept} connections kept, {expect_count(lines, 'lines')}"
 
@@ -245,17 +249,20 @@ def huge_frames(world):
     for payload in (b"\0\xff\xff\xff\xff", b"\1\0\0\0\x01x", b"\xff" * 100):
         connection = raw_http2.RawConnection(world.farm.address, ATTACKER)
         connection.socket.sendall(
-            raw_http2.frame(raw_http2.HEADERS, raw_http2.END_HEADERS, 1, raw_http2.headers_of("/lumifold.v1.FarmService/SubmitJob")) +
+            raw_http2.frame(raw_http2.HEADERS, raw_http2.END_HEADERS, 1,
+                            raw_http2.headers_of("/lumifold.v1.FarmService/SubmitJob")) +
             raw_http2.frame(raw_http2.DATA, raw_http2.END_STREAM, 1, payload))
         connection.socket.settimeout(30)
         for kind, flags, _, _ in connection.frames():
-            if kind in (raw_http2.RST_STREAM, raw_http2.GOAWAY) or (kind == raw_http2.HEADERS and flags & raw_http2.END_STREAM):
+            if kind in (raw_http2.RST_STREAM, raw_http2.GOAWAY) or (kind == raw_http2.HEADERS and
+                                                                    flags & raw_http2.END_STREAM):
                 refused += 1
                 break
         connection.close()
     with connect(world) as connection:
         with contextlib.suppress(OSError):
-            connection.sendall(raw_http2.PREFACE + b"\xff\xff\xff" + struct.pack(">BBI", raw_http2.DATA, 0, 1) + bytes(1 << 20))
+            connection.sendall(raw_http2.PREFACE + b"\xff\xff\xff" +
+                               struct.pack(">BBI", raw_http2.DATA, 0, 1) + bytes(1 << 20))
         refused += is_closed(connection)
     return refused
 
@@ -267,16 +274,23 @@ def all_were_refused(_, refused):
 
 
 ATTACKS = [
-    Fault("port scanner", "HTTP/1, SSH, RDP, SOCKS and random bytes, each on a new connection", scan, scans_were_closed),
-    Fault("garbage after the preface", "100 connections begin as HTTP/2 and go on with random bytes", garbage_after_preface,
-          garbage_was_closed),
+    Fault("port scanner", "HTTP/1, SSH, RDP, SOCKS and random bytes, each on a new connection", scan,
+          scans_were_closed),
+    Fault("garbage after the preface", "100 connections begin as HTTP/2 and go on with random bytes",
+          garbage_after_preface, garbage_was_closed),
     Fault("TLS to a plain port", "10 clients of TLS", speak_tls, tls_was_refused),
-    Fault("slow-loris", "50 connections say nothing, 50 send a byte a second", dribble, dribblers_were_closed, end_dribble),
-    Fault("10,000 streams", "one connection opens 10,000 watches at once", open_streams, streams_were_bounded, close_streams),
+    Fault("slow-loris", "50 connections say nothing, 50 send a byte a second", dribble, dribblers_were_closed,
+          end_dribble),
+    Fault("10,000 streams", "one connection opens 10,000 watches at once", open_streams, streams_were_bounded,
+          close_streams),
     Fault("10,000 streams, rudely", "the same by a client that never acknowledges the server's limits",
           functools.partial(open_streams, polite=False), streams_were_bounded, close_streams),
-    Fault("3000 connections", f"one address opens 3000 connections; {ALLOWED_CONNECTIONS} are allowed", open_connections,
-          connections_were_bounded, close_connections,
+    Fault("3000 connections",
+          f"one address opens 3000 connections; {ALLOWED_CONNECTIONS} are allowed",
+          open_connections,
+          connections_were_bounded,
+          close_connections,
           setup=Setup(server=("--max-connections-per-address", ALLOWED_CONNECTIONS))),
-    Fault("huge messages", "messages of 4 GiB, compressed ones, and frames that are too large", huge_frames, all_were_refused),
+    Fault("huge messages", "messages of 4 GiB, compressed ones, and frames that are too large", huge_frames,
+          all_were_refused),
 ]

@@ -1,10 +1,11 @@
-"""Runs the table of attacks as that of the faults: each on a farm of real processes with a small job, whose picture must be
-equal bit by bit. Options as those of ../faults/run.py.
+"""Runs the table of attacks as that of the faults: each on a farm of real processes with a small job, whose
+picture must be equal bit by bit. Options as those of ../faults/run.py.
 
-    run.py --measure [NAME ...]   the time of a job that is attacked again and again, against that of an undisturbed one
+    run.py --measure [NAME ...]   the time of a job that is attacked again and again, against that of an
+                                  undisturbed one
 
-The attacker of --measure has a processor core of its own, as one on another machine has: only what the farm does about the
-attack takes time from the job.
+The attacker of --measure has a processor core of its own, as one on another machine has: only what the farm
+does about the attack takes time from the job.
 """
 
 import contextlib
@@ -66,7 +67,8 @@ def seconds_of(folder, attack, references, disturbed):
 
 
 def measure(names):
-    """Prints the ratio of each attack, or of those with these names: the median of pairs, undisturbed and disturbed in turns."""
+    """Prints the ratio of each attack, or of those with these names: the median of pairs, undisturbed and
+    disturbed in turns."""
     farm, attacker = cores()
     ATTACKER_CORE.update(attacker)
     os.sched_setaffinity(0, farm)  # of this thread and of all processes that it starts
@@ -81,7 +83,9 @@ def measure(names):
             under, times = seconds_of(folder / "attacked", attack, references, disturbed=True)
             ratios.append(under / calm)
         ratio = sorted(ratios)[PAIRS // 2]
-        print(f"{attack.name:30} {ratio:.2f} times the {calm:.1f} s of an undisturbed job, attacked {times} times", flush=True)
+        print(
+            f"{attack.name:30} {ratio:.2f} times the {calm:.1f} s of an undisturbed job, attacked {times} times",
+            flush=True)
         if ratio > 1.2:
             slow.append(attack.name)
     print(f"more than 1.2 times: {', '.join(slow) or 'none'}")

@@ -9,9 +9,10 @@ from world import Setup, World
 
 @dataclasses.dataclass(frozen=True)
 class Fault:
-    """`begin` makes the fault while units are in flight and returns what `end` needs. `end` puts right what does not heal by
-    itself, `seconds` later; without seconds when the jobs have ended. It returns what `proof` needs, which says in a few words
-    what the fault did, and fails if it did nothing. The picture is compared in any case."""
+    """`begin` makes the fault while units are in flight and returns what `end` needs. `end` puts right what
+    does not heal by itself, `seconds` later; without seconds when the jobs have ended. It returns what
+    `proof` needs, which says in a few words what the fault did, and fails if it did nothing. The picture is
+    compared in any case."""
 
     name: str
     what: str

@@ -19,8 +19,12 @@ READER_BYTES = 8 << 20
 
 
 def start_client(world, *arguments):
-    return subprocess.Popen(command_of("hostile-client", ("--server", world.farm.address, *arguments), world.farm.host),
-                            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(command_of("hostile-client", ("--server", world.farm.address, *arguments),
+                                       world.farm.host),
+                            stdin=subprocess.PIPE,
+                            stdout=subprocess.PIPE,
+                            stderr=subprocess.PIPE,
+                            text=True)
 
 
 def end_client(client):
@@ -32,7 +36,8 @@ def end_client(client):
 
 def submit_many(world):
     """All at once; returns the process, the jobs' ids, and those that `list` shows."""
-    client = start_client(world, "--count", SUBMISSIONS, "submit", "--scene", world.references.scene("cornell-box"))
+    client = start_client(world, "--count", SUBMISSIONS, "submit", "--scene",
+                          world.references.scene("cornell-box"))
     jobs = [client.stdout.readline().strip() for _ in range(SUBMISSIONS)]
     listed = world.farm.client("list", "--limit", SUBMISSIONS, "--json").stdout
     return client, jobs, {json.loads(line)["job_id"] for line in listed.splitlines()}
@@ -70,7 +75,8 @@ def close_uploads(world, client):
 
 def uploads_were_open(world, count):
     if count != UPLOADS_OF_ONE:
-        raise AssertionError(f"{count} of {UPLOADS} uploads are there, not the {UPLOADS_OF_ONE} that one caller may have")
+        raise AssertionError(
+            f"{count} of {UPLOADS} uploads are there, not the {UPLOADS_OF_ONE} that one caller may have")
     return f"{count} uploads half done until the end of the job"
 
 
@@ -84,8 +90,10 @@ def read_slowly(world):
     readers = []
     for i in range(READERS):
         proxy = SlowProxy(world.farm.address, download_bytes_per_second=SLOW_BYTES_PER_SECOND)
-        command = ("download", done, "--frame", 1, "-o", world.root / f"slow-{i}.exr") if i % 2 else ("watch", running, "--json")
-        client = subprocess.Popen(command_of("lumifold", (*command, "--server", proxy.address)), stdout=subprocess.DEVNULL,
+        command = ("download", done, "--frame", 1, "-o",
+                   world.root / f"slow-{i}.exr") if i % 2 else ("watch", running, "--json")
+        client = subprocess.Popen(command_of("lumifold", (*command, "--server", proxy.address)),
+                                  stdout=subprocess.DEVNULL,
                                   stderr=subprocess.DEVNULL)
         readers.append((proxy, client))
     world.wait_until(lambda: all(proxy.received_bytes for proxy, _ in readers), "the readers get nothing")
@@ -111,10 +119,16 @@ def readers_cost_little(world, outcome):
 
 
 FAULTS = [
-    Fault("1000 submissions", f"{SUBMISSIONS} jobs submitted at once, and cancelled at once", submit_many, all_are_listed,
-          # More calls than one person may make: it is about the jobs.
-          cancel_many, setup=Setup(server=("--max-requests-per-second", SUBMISSIONS))),
-    Fault("half-open uploads", f"{UPLOADS} uploads that stop in the middle", open_uploads, uploads_were_open, close_uploads),
-    Fault("slow readers", f"{READERS} clients read a download or a watch at {SLOW_BYTES_PER_SECOND} bytes/s", read_slowly,
-          readers_cost_little, end_readers),
+    Fault(
+        "1000 submissions",
+        f"{SUBMISSIONS} jobs submitted at once, and cancelled at once",
+        submit_many,
+        all_are_listed,
+        # More calls than one person may make: it is about the jobs.
+        cancel_many,
+        setup=Setup(server=("--max-requests-per-second", SUBMISSIONS))),
+    Fault("half-open uploads", f"{UPLOADS} uploads that stop in the middle", open_uploads, uploads_were_open,
+          close_uploads),
+    Fault("slow readers", f"{READERS} clients read a download or a watch at {SLOW_BYTES_PER_SECOND} bytes/s",
+          read_slowly, readers_cost_little, end_readers),
 ]

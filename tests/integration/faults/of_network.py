@@ -60,8 +60,12 @@ def cut_client(world):
     """A client that waits for the job is cut off; returns its process and host."""
     host = world.network.hosts[-1]
     job = next(iter(world.jobs))
-    client = subprocess.Popen(command_of("lumifold", ("wait", job, "--server", world.farm.address, *world.farm.consent), host),
-                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    client = subprocess.Popen(command_of("lumifold",
+                                         ("wait", job, "--server", world.farm.address, *world.farm.consent),
+                                         host),
+                              stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE,
+                              text=True)
     world.wait_until(lambda: connections_of(world, host), "no connection of the client")
     host.cut()
     return host, client
@@ -69,7 +73,10 @@ def cut_client(world):
 
 def connections_of(world, host):
     """Established TCP connections of a host; its namespace has no other processes."""
-    table = subprocess.run((*host.prefix, "cat", "/proc/net/tcp", "/proc/net/tcp6"), capture_output=True, text=True, check=True)
+    table = subprocess.run((*host.prefix, "cat", "/proc/net/tcp", "/proc/net/tcp6"),
+                           capture_output=True,
+                           text=True,
+                           check=True)
     return [line for line in table.stdout.splitlines() if line.split()[3] == "01"]
 
 
@@ -92,13 +99,30 @@ def client_came_back(world, outcome):
 
 
 FAULTS = [
-    Fault("worker cut off", f"connections of a worker reset for {CUT_SECONDS} s", cut_worker, lost, heal, CUT_SECONDS, ON_HOSTS,
+    Fault("worker cut off",
+          f"connections of a worker reset for {CUT_SECONDS} s",
+          cut_worker,
+          lost,
+          heal,
+          CUT_SECONDS,
+          ON_HOSTS,
           soak=True),
-    Fault("coordinator cut off", f"all connections reset for {CUT_SECONDS} s", cut_coordinator, lost, heal, CUT_SECONDS, ON_HOSTS),
-    Fault("worker half-open", "all packets of a worker vanish, until the job is done", silence_worker, lost, heal,
-          setup=ON_HOSTS, soak=True),
-    Fault("packets lost", f"{LOSS_PERCENT} % of the packets of all workers vanish, in both directions", lose_packets, lost, heal,
-          setup=ON_HOSTS, soak=True),
-    Fault("client cut off", f"connections of a client that waits are reset for {CUT_SECONDS} s", cut_client, client_came_back,
-          heal_client, CUT_SECONDS, ON_HOSTS._replace(more_hosts=1)),
+    Fault("coordinator cut off", f"all connections reset for {CUT_SECONDS} s", cut_coordinator, lost, heal,
+          CUT_SECONDS, ON_HOSTS),
+    Fault("worker half-open",
+          "all packets of a worker vanish, until the job is done",
+          silence_worker,
+          lost,
+          heal,
+          setup=ON_HOSTS,
+          soak=True),
+    Fault("packets lost",
+          f"{LOSS_PERCENT} % of the packets of all workers vanish, in both directions",
+          lose_packets,
+          lost,
+          heal,
+          setup=ON_HOSTS,
+          soak=True),
+    Fault("client cut off", f"connections of a client that waits are reset for {CUT_SECONDS} s", cut_client,
+          client_came_back, heal_client, CUT_SECONDS, ON_HOSTS._replace(more_hosts=1)),
 ]

@@ -103,7 +103,8 @@ def at_any_time(world):
 
 def kill_at_random_moments(world):
     """Kills the coordinator KILLS times; returns how many of them hit what."""
-    moments = ([while_a_unit_is_written] * 8 + [while_a_frame_is_filtered] * 4 + [while_it_starts] * 4 + [at_any_time] * 4)
+    moments = ([while_a_unit_is_written] * 8 + [while_a_frame_is_filtered] * 4 + [while_it_starts] * 4 +
+               [at_any_time] * 4)
     world.rng.shuffle(moments)
     hits = {}
     for moment in moments[:KILLS]:
@@ -127,16 +128,45 @@ def kill_filter(world):
 
 
 FAULTS = [
-    Fault("worker killed", "SIGKILL of a worker, for good", kill_worker, logged("worker_gone"), replace_worker, soak=True),
-    Fault("all workers killed", "SIGKILL of all workers; others start", kill_all_workers, logged("worker_gone"), soak=True),
-    Fault("coordinator killed", "SIGKILL of the coordinator; it starts at once", kill_coordinator, logged("job_restored"),
+    Fault("worker killed",
+          "SIGKILL of a worker, for good",
+          kill_worker,
+          logged("worker_gone"),
+          replace_worker,
           soak=True),
-    Fault("coordinator killed 20 times", "SIGKILL at 20 random moments of one job: in commits, filter processes, starts, and any "
-          "time", kill_at_random_moments, hits_of_kills, setup=Setup(picture=Picture(samples=128, frames=16))),
-    Fault("filter process killed", "SIGKILL of a frame's filter process", kill_filter, logged("frame_retried"),
+    Fault("all workers killed",
+          "SIGKILL of all workers; others start",
+          kill_all_workers,
+          logged("worker_gone"),
+          soak=True),
+    Fault("coordinator killed",
+          "SIGKILL of the coordinator; it starts at once",
+          kill_coordinator,
+          logged("job_restored"),
+          soak=True),
+    Fault("coordinator killed 20 times",
+          "SIGKILL at 20 random moments of one job: in commits, filter processes, starts, and any "
+          "time",
+          kill_at_random_moments,
+          hits_of_kills,
+          setup=Setup(picture=Picture(samples=128, frames=16))),
+    Fault("filter process killed",
+          "SIGKILL of a frame's filter process",
+          kill_filter,
+          logged("frame_retried"),
           after_units=0),
-    Fault("worker stopped", f"SIGSTOP of a worker for {STOP_SECONDS:.0f} s, twice its lease", stop_worker,
-          logged_one_of("lease_expired", "leases_void"), resume, seconds=STOP_SECONDS, soak=True),
-    Fault("coordinator stopped", f"SIGSTOP of the coordinator for {STOP_SECONDS:.0f} s", stop_coordinator, stood_still,
-          resume_coordinator, seconds=STOP_SECONDS, soak=True),
+    Fault("worker stopped",
+          f"SIGSTOP of a worker for {STOP_SECONDS:.0f} s, twice its lease",
+          stop_worker,
+          logged_one_of("lease_expired", "leases_void"),
+          resume,
+          seconds=STOP_SECONDS,
+          soak=True),
+    Fault("coordinator stopped",
+          f"SIGSTOP of the coordinator for {STOP_SECONDS:.0f} s",
+          stop_coordinator,
+          stood_still,
+          resume_coordinator,
+          seconds=STOP_SECONDS,
+          soak=True),
 ]

@@ -16,13 +16,32 @@ MAX_WARNINGS = 101  # with the line that counts the others
 LONG = Picture(samples=512)
 
 
-def hostile(behaviour, what, *proofs, said=DELIVERED, jobs=1, options=(), picture=Picture(), workers=1, submit=(),
-            all_before_job=False, **fault):
+def hostile(behaviour,
+            what,
+            *proofs,
+            said=DELIVERED,
+            jobs=1,
+            options=(),
+            picture=Picture(),
+            workers=1,
+            submit=(),
+            all_before_job=False,
+            **fault):
     """A worker with this behaviour beside honest ones."""
-    setup = Setup(workers=workers, hostile=(behaviour,), jobs=jobs, hostile_options=options, picture=picture, submit=submit,
+    setup = Setup(workers=workers,
+                  hostile=(behaviour,),
+                  jobs=jobs,
+                  hostile_options=options,
+                  picture=picture,
+                  submit=submit,
                   all_before_job=all_before_job)
-    return Fault(f"worker: {behaviour}", what, lambda world: None, both(said_by_workers(*said), *proofs), setup=setup,
-                 after_units=0, **fault)
+    return Fault(f"worker: {behaviour}",
+                 what,
+                 lambda world: None,
+                 both(said_by_workers(*said), *proofs),
+                 setup=setup,
+                 after_units=0,
+                 **fault)
 
 
 def texts_are_bounded(world, _):
@@ -37,7 +56,10 @@ def texts_are_bounded(world, _):
 def send_garbage(world):
     """Random bytes on the coordinator's port."""
     host, port = world.farm.address.rsplit(":", 1)
-    connections = [socket.create_connection((host, int(port)), timeout=ANSWER_SECONDS) for _ in range(GARBAGE_CONNECTIONS)]
+    connections = [
+        socket.create_connection((host, int(port)), timeout=ANSWER_SECONDS)
+        for _ in range(GARBAGE_CONNECTIONS)
+    ]
     for connection in connections:
         connection.sendall(os.urandom(1000))
     return connections
@@ -73,27 +95,41 @@ FAULTS = [
     hostile("too-many-samples", "a sample count is above that of the pass", refused),
     hostile("wrong-size", "units one pixel narrower than their tile", refused),
     hostile("missing-channel", "units without their last channel", refused),
-    hostile("wrong-tile", "units under the number of another tile", logged("unit_not_wanted", "lease_dropped")),
-    hostile("other-job", "units with the token of another job, and wrong pixels", logged("unit_not_wanted", "lease_dropped"), jobs=2,
+    hostile("wrong-tile", "units under the number of another tile", logged("unit_not_wanted",
+                                                                           "lease_dropped")),
+    hostile("other-job",
+            "units with the token of another job, and wrong pixels",
+            logged("unit_not_wanted", "lease_dropped"),
+            jobs=2,
             said=FOREIGN_TOKEN),
     hostile("garbage", "random bytes for pixels, with a checksum that fits", refused),
     hostile("flipped-bit", "pixels that differ in one bit from their checksum", refused),
     hostile("short", "half of the bytes of each unit", refused),
     hostile("warnings", "3 MB of new warnings with each unit", texts_are_bounded),
     hostile("twice", "each unit twice, with wrong pixels the second time", logged("unit_not_wanted")),
-    hostile("late", "silence past the lease, then wrong pixels", logged("lease_expired", "unit_not_wanted"),
-            options=("--late-seconds", str(1.5 * LEASE_SECONDS), "--slots", "1"), picture=LONG),
-    hostile("wrong-pixels", "plausible but wrong pixels, in a job whose units are all audited", logged("worker_faulty", "units_discarded"),
-            workers=2, submit=("--audit-share", "1")),
-    hostile("vanish", "an incomplete unit, then its connection breaks, again and again", logged("worker_gone"), picture=LONG),
+    hostile("late",
+            "silence past the lease, then wrong pixels",
+            logged("lease_expired", "unit_not_wanted"),
+            options=("--late-seconds", str(1.5 * LEASE_SECONDS), "--slots", "1"),
+            picture=LONG),
+    hostile("wrong-pixels",
+            "plausible but wrong pixels, in a job whose units are all audited",
+            logged("worker_faulty", "units_discarded"),
+            workers=2,
+            submit=("--audit-share", "1")),
+    hostile("vanish",
+            "an incomplete unit, then its connection breaks, again and again",
+            logged("worker_gone"),
+            picture=LONG),
     # A worker that is alone is believed.
     hostile("permanent", "calls each unit impossible to render", logged("unit_failed"), all_before_job=True),
     hostile("long-error", "as before, with 3 MB of error text", logged("unit_failed"), all_before_job=True),
     hostile("foreign-failures", "failures of units that others have leased"),
-    hostile("hoard", "reports progress for ever and delivers nothing", logged_one_of("unit_overdue", "leases_void")),
+    hostile("hoard", "reports progress for ever and delivers nothing",
+            logged_one_of("unit_overdue", "leases_void")),
     hostile("second-hello", "introduces itself twice", said=ENDED),
     hostile("other-version", "speaks another version of the protocol", logged("worker_refused"), said=ENDED),
     hostile("garbage-message", "random bytes for its first message", said=ENDED),
-    Fault("garbage on the port", f"{GARBAGE_CONNECTIONS} connections with random bytes", send_garbage, all_refused,
-          count_refused),
+    Fault("garbage on the port", f"{GARBAGE_CONNECTIONS} connections with random bytes", send_garbage,
+          all_refused, count_refused),
 ]

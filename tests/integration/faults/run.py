@@ -1,5 +1,5 @@
-"""Runs the table of faults: each on a farm of real processes with a small job, whose picture must be equal bit by bit to the
-undisturbed one. See docs/testing.md.
+"""Runs the table of faults: each on a farm of real processes with a small job, whose picture must be equal
+bit by bit to the undisturbed one. See docs/testing.md.
 
     run.py                        the faults of the gate
     run.py --all                  the long ones too
@@ -28,7 +28,9 @@ import of_storage
 import of_workers
 from world import References, World
 
-FAULTS = [*of_processes.FAULTS, *of_network.FAULTS, *of_storage.FAULTS, *of_workers.FAULTS, *of_clients.FAULTS]
+FAULTS = [
+    *of_processes.FAULTS, *of_network.FAULTS, *of_storage.FAULTS, *of_workers.FAULTS, *of_clients.FAULTS
+]
 
 
 class Row(typing.NamedTuple):
@@ -81,12 +83,16 @@ def print_row(row):
 
 def markdown(rows, seed):
     lines = [
-        "# Faults", "",
+        "# Faults",
+        "",
         "Each row is a farm of real processes with one small job of three frames. While units are in flight, the fault happens. The",
-        "picture is then compared bit by bit with that of an undisturbed render in one process.", "",
+        "picture is then compared bit by bit with that of an undisturbed render in one process.",
+        "",
         f"`tests/integration/faults/run.py --all --seed {seed}` on {platform.machine()}; [testing.md](../testing.md) says how to run",
-        "one of them again. \"Shown by\" counts the coordinator's log lines that prove that the fault happened.", "",
-        "| fault | what happens | picture | shown by | s |", "|---|---|---|---|---|",
+        "one of them again. \"Shown by\" counts the coordinator's log lines that prove that the fault happened.",
+        "",
+        "| fault | what happens | picture | shown by | s |",
+        "|---|---|---|---|---|",
     ]
     for row in rows:
         shown_by = row.shown_by.replace("|", "\\|")
@@ -95,14 +101,17 @@ def markdown(rows, seed):
 
 
 def parse_arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--all", action="store_true", help="the long ones too")
     parser.add_argument("--only", action="append", metavar="NAME", help="these faults only")
     parser.add_argument("--list", action="store_true", help="print the table without running it")
     parser.add_argument("--seed", type=int, default=1, help="of the random moments and choices")
     parser.add_argument("--jobs", type=int, default=4, help="farms at a time")
     parser.add_argument("--write", type=pathlib.Path, metavar="FILE", help="write the table as Markdown")
-    parser.add_argument("--keep", action="store_true", help="keep the folders of farms whose picture was equal too")
+    parser.add_argument("--keep",
+                        action="store_true",
+                        help="keep the folders of farms whose picture was equal too")
     return parser.parse_args()
 
 
@@ -136,8 +145,12 @@ def main(table):
     if arguments.write:
         arguments.write.write_text(markdown(rows, arguments.seed))
     if failed:
-        program = " ".join([*(f"{name}={os.environ[name]}" for name in ("LUMIFOLD_BIN", "PYTHONPATH")), "python3", sys.argv[0]])
-        print(f"The logs are in {root}. To run one again: {program} --only \"{failed[0].fault}\" --seed {arguments.seed}")
+        program = " ".join([
+            *(f"{name}={os.environ[name]}" for name in ("LUMIFOLD_BIN", "PYTHONPATH")), "python3", sys.argv[0]
+        ])
+        print(
+            f"The logs are in {root}. To run one again: {program} --only \"{failed[0].fault}\" --seed {arguments.seed}"
+        )
     elif not arguments.keep:
         shutil.rmtree(root)
     return 1 if failed else 0

@@ -1,9 +1,10 @@
-"""Random faults against random small jobs, for a time: each job's picture must be equal bit by bit to the undisturbed one.
+"""Random faults against random small jobs, for a time: each job's picture must be equal bit by bit to the
+undisturbed one.
 
     soak.py --seed S --seconds N
 
-The seed determines the faults, their order, their targets and times, and the jobs; the machine decides how far each gets. On
-failure the folder with all logs is kept.
+The seed determines the faults, their order, their targets and times, and the jobs; the machine decides how
+far each gets. On failure the folder with all logs is kept.
 """
 
 import argparse
@@ -37,12 +38,15 @@ CLIENTS = 2  # each has one job at a time
 MOST_FAULTS = 2  # at a time
 LONGEST_FAULT_SECONDS = 5
 LONGEST_CALM_SECONDS = 1.5
-# Behaviours of hostile workers that can fail no job by themselves: the soak leaves a hostile worker alone at times.
-HOSTILE = ("twice", "late", "warnings", "foreign-failures", "second-hello", "other-version", "garbage-message")
+# Behaviours of hostile workers that can fail no job by themselves: the soak leaves a hostile worker alone at
+# times.
+HOSTILE = ("twice", "late", "warnings", "foreign-failures", "second-hello", "other-version",
+           "garbage-message")
 
 
 class Disturbance(typing.NamedTuple):
-    """As a Fault of the table; the picture alone is its proof. Both calls return soon, whatever else happens."""
+    """As a Fault of the table; the picture alone is its proof. Both calls return soon, whatever else
+    happens."""
 
     name: str
     begin: typing.Callable[[World], object]
@@ -70,7 +74,9 @@ def corrupt_a_record(world):
 
 
 def disturbances(world):
-    table = [*of_processes.FAULTS, *of_network.FAULTS, *of_storage.FAULTS, *of_workers.FAULTS, *of_clients.FAULTS]
+    table = [
+        *of_processes.FAULTS, *of_network.FAULTS, *of_storage.FAULTS, *of_workers.FAULTS, *of_clients.FAULTS
+    ]
     return [
         *(Disturbance(fault.name, fault.begin, fault.end) for fault in table
           if fault.soak and (world.network or not fault.setup.network)),
@@ -130,7 +136,10 @@ class Soak:
         self.active.remove(one)
 
     def run(self):
-        clients = [threading.Thread(target=self.run_client, args=(random.Random(self.rng.random()),)) for _ in range(CLIENTS)]
+        clients = [
+            threading.Thread(target=self.run_client, args=(random.Random(self.rng.random()),))
+            for _ in range(CLIENTS)
+        ]
         for client in clients:
             client.start()
         while time.monotonic() < self.deadline and not self.errors:
@@ -144,7 +153,8 @@ class Soak:
 
 
 def parse_arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=None, help="default: a new one, which is printed")
     parser.add_argument("--seconds", type=float, default=60)
     return parser.parse_args()
@@ -168,7 +178,9 @@ def main():
             world.expect_clean_end()
     except Exception:
         traceback.print_exc()
-        print(f"soak: FAILED. The logs are in {root}. Run it again: soak.py --seed {seed} --seconds {arguments.seconds:.0f}")
+        print(
+            f"soak: FAILED. The logs are in {root}. Run it again: soak.py --seed {seed} --seconds {arguments.seconds:.0f}"
+        )
         return 1
     shutil.rmtree(root)
     faults = ", ".join(f"{count} x {name}" for name, count in sorted(soak.counts.items()))

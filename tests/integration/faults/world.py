@@ -1,4 +1,5 @@
-"""A farm of real processes with a job, in which faults happen; and the pictures that it must deliver in spite of them."""
+"""A farm of real processes with a job, in which faults happen; and the pictures that it must deliver in spite
+of them."""
 
 import contextlib
 import hashlib
@@ -30,14 +31,16 @@ class Picture(typing.NamedTuple):
     seed: int = 5
 
     def options(self):
-        return ("--size", self.size, "--spp", self.samples, "--seed", self.seed, "--frames", self.frame_range(), "--save-film")
+        return ("--size", self.size, "--spp", self.samples, "--seed", self.seed, "--frames",
+                self.frame_range(), "--save-film")
 
     def frame_range(self):
         return f"1-{self.frames}"
 
 
 class References:
-    """SHA-256 of the frames of undisturbed pictures, rendered by one process when they are first asked for."""
+    """SHA-256 of the frames of undisturbed pictures, rendered by one process when they are first asked
+    for."""
 
     def __init__(self, root):
         self.root = pathlib.Path(root)
@@ -110,24 +113,37 @@ class World(contextlib.AbstractContextManager):
 
     def start(self):
         setup = self.setup
-        self.disk = self.stack.enter_context(disk.SmallDisk(self.root, setup.disk_megabytes, setup.disk)) if setup.disk else None
+        self.disk = self.stack.enter_context(disk.SmallDisk(self.root, setup.disk_megabytes,
+                                                            setup.disk)) if setup.disk else None
         hosts = setup.workers + setup.more_hosts
         self.network = self.stack.enter_context(network.Network(hosts)) if setup.network else None
         self.data = (self.disk.path if self.disk else self.root) / "data"
         listen, off_loopback = "127.0.0.1:0", ()
         if self.network:
             listen, off_loopback = f"{self.network.hub.address}:0", ("--insecure",)
-        self.farm = self.stack.enter_context(farms.Farm(
-            self.data, "--lease-seconds", LEASE_SECONDS, "--heartbeat-seconds", HEARTBEAT_SECONDS, "--log-level", "debug",
-            "--keep-film-gb", 0,
-            *off_loopback, *setup.server, listen=listen, logs=self.root, host=self.network and self.network.hub))
+        self.farm = self.stack.enter_context(
+            farms.Farm(self.data,
+                       "--lease-seconds",
+                       LEASE_SECONDS,
+                       "--heartbeat-seconds",
+                       HEARTBEAT_SECONDS,
+                       "--log-level",
+                       "debug",
+                       "--keep-film-gb",
+                       0,
+                       *off_loopback,
+                       *setup.server,
+                       listen=listen,
+                       logs=self.root,
+                       host=self.network and self.network.hub))
         for behaviour in setup.hostile:
             self.start_hostile(behaviour, *setup.hostile_options)
         if setup.hostile:  # they are to get leases
             self.wait_for("event=worker_connected|event=worker_refused", 0, 5, required=False)
         self.workers = [self.start_worker(i) for i in range(setup.workers)]
         if setup.all_before_job:
-            self.wait_until(lambda: all("event=joined" in worker.log_text() for worker in self.workers), "the workers join")
+            self.wait_until(lambda: all("event=joined" in worker.log_text() for worker in self.workers),
+                            "the workers join")
         for _ in range(setup.jobs):
             self.submit(setup.picture)
 
@@ -183,15 +199,22 @@ class World(contextlib.AbstractContextManager):
         got = digests(folder)
         wrong = [i + 1 for i, (a, b) in enumerate(zip(got, expected)) if a != b]
         if wrong or len(got) != len(expected):
-            raise AssertionError(f"job {job}: frames {wrong or 'missing'} differ from the undisturbed picture")
+            raise AssertionError(
+                f"job {job}: frames {wrong or 'missing'} differ from the undisturbed picture")
 
     def expect_clean_end(self):
-        """What holds after any fault: the coordinator keeps no film of jobs that have ended, and stops when it is told to."""
-        if not self.wait_until(lambda: not any((self.data / "film").iterdir()), "", FILM_SECONDS, required=False):
+        """What holds after any fault: the coordinator keeps no film of jobs that have ended, and stops when
+        it is told to."""
+        if not self.wait_until(
+                lambda: not any((self.data / "film").iterdir()), "", FILM_SECONDS, required=False):
             left = [path.relative_to(self.data) for path in sorted((self.data / "film").rglob("*"))]
             jobs = [path.name for path in (self.data / "film").iterdir()]
-            lines = [line for line in self.log().splitlines() if "not_deleted" in line or any(job in line for job in jobs)]
-            raise AssertionError("\n".join([f"film of finished jobs is left: {[str(path) for path in left]}", *lines[-40:]]))
+            lines = [
+                line for line in self.log().splitlines()
+                if "not_deleted" in line or any(job in line for job in jobs)
+            ]
+            raise AssertionError("\n".join(
+                [f"film of finished jobs is left: {[str(path) for path in left]}", *lines[-40:]]))
         code = self.farm.server.stop()
         if code != 0:
             raise AssertionError(f"the coordinator ended with code {code}")
@@ -210,7 +233,8 @@ class World(contextlib.AbstractContextManager):
 
     def wait_for(self, pattern, more_than=0, seconds=PATIENCE_SECONDS, required=True):
         """Waits until the coordinator's log has more lines of a pattern; whether it has."""
-        return self.wait_until(lambda: self.count(pattern) > more_than, f"{more_than} x {pattern} and no more", seconds, required)
+        return self.wait_until(lambda: self.count(pattern) > more_than,
+                               f"{more_than} x {pattern} and no more", seconds, required)
 
     def wait_until(self, condition, what, seconds=PATIENCE_SECONDS, required=True):
         try:

@@ -1,5 +1,5 @@
-"""What takes minutes of Slurm's own time: time limits, preemption and lost nodes, and core-hours as Slurm and the farm count
-them."""
+"""What takes minutes of Slurm's own time: time limits, preemption and lost nodes, and core-hours as Slurm and
+the farm count them."""
 
 import re
 import subprocess
@@ -32,7 +32,8 @@ class LimitsTest(SlurmTest):
         job = self.submit_job()
         slurm_job = self.submit_workers("--exclusive", "--cpus-per-task=1")
         self.wait_for_units(job, 1)
-        urgent = self.slurm.submit("--partition=urgent", "--exclusive", "--output=/dev/null", "--wrap=sleep 1")
+        urgent = self.slurm.submit("--partition=urgent", "--exclusive", "--output=/dev/null",
+                                   "--wrap=sleep 1")
         self.slurm.wait_for_state(urgent, "COMPLETED")
         self.check_picture(job)
         log = self.log_of(slurm_job)
@@ -45,24 +46,33 @@ class LimitsTest(SlurmTest):
         self.wait_for_units(job, 1)
         # The daemon of the node answers, so Slurm takes the node back by itself.
         self.slurm.run("scontrol", "update", f"nodename={self.slurm.host}", "state=down", "reason=test")
-        farm.wait_until(lambda: self.slurm.field(slurm_job, "Restarts") == "1", "the job is requeued", seconds=120)
+        farm.wait_until(lambda: self.slurm.field(slurm_job, "Restarts") == "1",
+                        "the job is requeued",
+                        seconds=120)
         self.check_picture(job)
         self.assertEqual(self.accounting(slurm_job, "State")[0], ["NODE_FAIL"])
 
 
 class CoreHoursTest(SlurmTest):
-    """Workers that are busy nearly all their life: what Slurm charges for them is what they spent for jobs."""
+    """Workers that are busy nearly all their life: what Slurm charges for them is what they spent for
+    jobs."""
 
     def run_line(self, line):
         environment = {**self.slurm.environment, "LC_ALL": "C"}
-        return subprocess.run(["bash", "-c", line], cwd=self.folder, env=environment, text=True, capture_output=True, check=True).stdout
+        return subprocess.run(["bash", "-c", line],
+                              cwd=self.folder,
+                              env=environment,
+                              text=True,
+                              capture_output=True,
+                              check=True).stdout
 
     def test_core_hours_agree_within_two_percent(self):
         jobs = [self.submit_job(*NO_END) for _ in range(2)]
         # Planned by another worker, so that those of Slurm have units from the first second on.
         planner = self.farm.start_worker("--drain-seconds", "0")
         for job in jobs:
-            farm.wait_until(lambda job=job: self.farm.status(job)["state"] not in ("submitted", "planning"), f"the plan of {job}")
+            farm.wait_until(lambda job=job: self.farm.status(job)["state"] not in ("submitted", "planning"),
+                            f"the plan of {job}")
         planner.stop()
         # One thread each: with several the first ones to finish wait for the last one when the worker leaves.
         array = self.submit_workers("--array=1-2", "--cpus-per-task=1")
@@ -72,7 +82,8 @@ class CoreHoursTest(SlurmTest):
         for task in (1, 2):
             self.assertEqual(self.wait_for_accounting(f"{array}_{task}", "COMPLETED"), ["COMPLETED"])
         page = (ROOT / "docs/clusters.md").read_text()
-        theirs_line, ours_line = re.search(r"<!-- core-hours: begin -->\n```sh\n(.*?)```", page, re.DOTALL)[1].splitlines()
+        theirs_line, ours_line = re.search(r"<!-- core-hours: begin -->\n```sh\n(.*?)```", page,
+                                           re.DOTALL)[1].splitlines()
         theirs = float(self.run_line(theirs_line.replace("--name=lumifold-worker", f"--jobs={array}")))
         ours = {name: float(hours) for name, hours in map(str.split, self.run_line(ours_line).splitlines())}
         logs = "".join(self.log_of(f"{array}_{task}") for task in (1, 2))

@@ -47,12 +47,16 @@ class SlurmTest(unittest.TestCase):
         self.addCleanup(self.slurm.cancel_all)
 
     def submit_workers(self, *options, arguments=(), **environment):
-        """Submits workers for this test's coordinator: `options` are those of sbatch, `arguments` those of the worker. Returns
-        the id of the Slurm job."""
+        """Submits workers for this test's coordinator: `options` are those of sbatch, `arguments` those of
+        the worker. Returns the id of the Slurm job."""
         environment = {"LUMIFOLD_SERVER": self.farm.address, "LUMIFOLD_IDLE_SECONDS": "900",
                        "LUMIFOLD_ASSET_CACHE": str(self.folder / "assets"),
                        "LUMIFOLD_WORKER": str(farm.BIN / "lumifold-worker"), **environment}
-        return self.slurm.submit(f"--chdir={self.folder}", *options, SCRIPT, *arguments, environment=environment)
+        return self.slurm.submit(f"--chdir={self.folder}",
+                                 *options,
+                                 SCRIPT,
+                                 *arguments,
+                                 environment=environment)
 
     def submit_job(self, *settings):
         return self.farm.client("submit", self.scene, *(settings or SETTINGS)).stdout.strip()
@@ -72,12 +76,13 @@ class SlurmTest(unittest.TestCase):
 
     def accounting(self, slurm_job, *fields):
         """What sacct says of a job: for each of its runs, requeued ones included, a list of fields."""
-        text = self.slurm.run("sacct", "--duplicates", "--allocations", "--noheader", "--parsable2", f"--jobs={slurm_job}",
-                              f"--format={','.join(fields)}").stdout
+        text = self.slurm.run("sacct", "--duplicates", "--allocations", "--noheader", "--parsable2",
+                              f"--jobs={slurm_job}", f"--format={','.join(fields)}").stdout
         return [line.split("|") for line in text.splitlines()]
 
     def wait_for_accounting(self, slurm_job, *states):
-        """Waits until the last run of a job has one of these states in the accounting store; returns the states."""
+        """Waits until the last run of a job has one of these states in the accounting store; returns the
+        states."""
         def states_of_runs():
             runs = [re.sub(" by .*", "", state) for state, in self.accounting(slurm_job, "State")]
             return runs if runs and runs[-1] in states else None

@@ -1,5 +1,5 @@
-"""Workers as Slurm jobs: an array renders a job, signals drain it, requeueing gives the workers back, and exit codes say what
-Slurm shall do. The bits of the picture are those of one process each time."""
+"""Workers as Slurm jobs: an array renders a job, signals drain it, requeueing gives the workers back, and
+exit codes say what Slurm shall do. The bits of the picture are those of one process each time."""
 
 import json
 import os
@@ -14,7 +14,9 @@ from slurm_farm import ROOT, SlurmTest
 
 class WorkersTest(SlurmTest):
     def test_an_array_renders_a_job_and_ends_when_it_is_idle(self):
-        array = self.submit_workers("--array=1-3", arguments=["--log-level", "debug"], LUMIFOLD_IDLE_SECONDS="2")
+        array = self.submit_workers("--array=1-3",
+                                    arguments=["--log-level", "debug"],
+                                    LUMIFOLD_IDLE_SECONDS="2")
         job = self.submit_job()
         self.check_picture(job)
         rendered = 0
@@ -27,7 +29,8 @@ class WorkersTest(SlurmTest):
         self.assertGreaterEqual(rendered, self.farm.status(job)["units_total"])
         for task in range(1, 4):  # tasks are recorded later than they end, each by itself
             self.wait_for_accounting(f"{array}_{task}", "COMPLETED")
-            self.assertEqual(self.accounting(f"{array}_{task}", "State", "ExitCode", "AllocCPUS"), [["COMPLETED", "0:0", "1"]])
+            self.assertEqual(self.accounting(f"{array}_{task}", "State", "ExitCode", "AllocCPUS"),
+                             [["COMPLETED", "0:0", "1"]])
 
     def test_workers_of_a_node_share_the_files_of_scenes(self):
         logs = []
@@ -37,15 +40,18 @@ class WorkersTest(SlurmTest):
             self.slurm.wait_for_state(worker, "COMPLETED")
             logs.append(self.log_of(worker))
         self.assertEqual([log.count("event=asset_found") for log in logs], [0, 1], logs)
-        self.submit_workers(LUMIFOLD_IDLE_SECONDS="1", LUMIFOLD_ASSET_CACHE="/")  # of somebody else: it works without
+        self.submit_workers(LUMIFOLD_IDLE_SECONDS="1",
+                            LUMIFOLD_ASSET_CACHE="/")  # of somebody else: it works without
         self.check_picture(self.submit_job())
-        self.assertEqual([asset.stat().st_size for asset in (self.folder / "assets").iterdir()], [self.scene.stat().st_size])
+        self.assertEqual([asset.stat().st_size for asset in (self.folder / "assets").iterdir()],
+                         [self.scene.stat().st_size])
 
     def test_a_worker_has_the_processors_that_slurm_gives_it(self):
         slurm_job = self.submit_workers("--cpus-per-task=3")
         line = farm.wait_until(lambda: self.farm.client("workers", "--json").stdout, "a worker")
         worker = json.loads(line)
-        self.assertEqual((worker["name"], worker["slots"]), (f"slurm-{slurm_job}@{self.slurm.host}", 6), worker)
+        self.assertEqual((worker["name"], worker["slots"]), (f"slurm-{slurm_job}@{self.slurm.host}", 6),
+                         worker)
 
     def test_sigterm_drains_a_worker_and_another_goes_on(self):
         job = self.submit_job()
@@ -88,33 +94,45 @@ class WorkersTest(SlurmTest):
     def test_a_worker_that_reaches_no_coordinator_is_requeued(self):
         self.farm.server.stop()
         slurm_job = self.submit_workers(LUMIFOLD_IDLE_SECONDS="1")
-        farm.wait_until(lambda: self.slurm.field(slurm_job, "Restarts") == "1", "the job is requeued", seconds=120)
+        farm.wait_until(lambda: self.slurm.field(slurm_job, "Restarts") == "1",
+                        "the job is requeued",
+                        seconds=120)
         self.farm.restart_server()
         self.check_picture(self.submit_job())
-        farm.wait_until(lambda: ["REQUEUED", "4:0"] in self.accounting(slurm_job, "State", "ExitCode"), "its first run in sacct")
+        farm.wait_until(lambda: ["REQUEUED", "4:0"] in self.accounting(slurm_job, "State", "ExitCode"),
+                        "its first run in sacct")
 
     def test_a_wrong_command_line_fails_the_job_for_good(self):
         self.assertEqual(self.end_of(self.submit_workers(arguments=["--no-such-option"])), ("FAILED", "2:0"))
         self.assertEqual(self.end_of(self.submit_workers("--ntasks=2")), ("FAILED", "2:0"))
 
     def test_a_missing_program_fails_the_job(self):
-        self.assertEqual(self.end_of(self.submit_workers(LUMIFOLD_WORKER="/no/such/program")), ("FAILED", "127:0"))
+        self.assertEqual(self.end_of(self.submit_workers(LUMIFOLD_WORKER="/no/such/program")),
+                         ("FAILED", "127:0"))
 
 
 class PageTest(SlurmTest):
-    """Runs the commands of docs/clusters.md as they stand there, with a folder, a port and small numbers put in."""
+    """Runs the commands of docs/clusters.md as they stand there, with a folder, a port and small numbers put
+    in."""
 
     def adapted(self, line):
-        for words, put_in in {"/srv/lumifold": str(self.folder / "secured"), "0.0.0.0:7700": self.address,
-                               "farm.example.org:7700": self.address, "deploy/slurm": str(ROOT / "deploy/slurm"),
-                               "--cpus-per-task=16": "--cpus-per-task=1", "1-20": "1-2", "--spp 256": "--spp 2 --size 64x64",
-                               "scene.glb": str(self.scene), **self.printed}.items():
+        for words, put_in in {
+                "/srv/lumifold": str(self.folder / "secured"), "0.0.0.0:7700": self.address,
+                "farm.example.org:7700": self.address, "deploy/slurm": str(ROOT / "deploy/slurm"),
+                "--cpus-per-task=16": "--cpus-per-task=1", "1-20": "1-2", "--spp 256": "--spp 2 --size 64x64",
+                "scene.glb": str(self.scene), **self.printed
+        }.items():
             line = line.replace(words, put_in)
         return line
 
     def run_line(self, line):
-        done = subprocess.run(["bash", "-c", self.adapted(line)], cwd=self.folder, env=self.environment, text=True,
-                              capture_output=True, timeout=farm.PATIENCE_SECONDS, check=False)
+        done = subprocess.run(["bash", "-c", self.adapted(line)],
+                              cwd=self.folder,
+                              env=self.environment,
+                              text=True,
+                              capture_output=True,
+                              timeout=farm.PATIENCE_SECONDS,
+                              check=False)
         self.assertEqual(done.returncode, 0, f"{line}\n{done.stderr}")
         return done.stdout
 
@@ -129,8 +147,11 @@ class PageTest(SlurmTest):
                             "PATH": f"{farm.BIN}:{os.environ['PATH']}"}
         codes = re.findall(r"lumifold-[\w-]{40,}", self.run_line(init))
         self.printed = {"CODE-1": codes[0], "CODE-2": codes[1]}
-        process = subprocess.Popen(["bash", "-c", f"exec {self.adapted(server)}"], env=self.environment, text=True,
-                                   stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(["bash", "-c", f"exec {self.adapted(server)}"],
+                                   env=self.environment,
+                                   text=True,
+                                   stdout=subprocess.PIPE,
+                                   stderr=subprocess.DEVNULL)
         self.addCleanup(process.stdout.close)
         self.addCleanup(process.wait)
         self.addCleanup(process.terminate)

@@ -122,7 +122,9 @@ void AddTuningFlags(CLI::App* app, Flags* flags) {
 void AddSlurmFlags(CLI::App* app, Flags* flags) {
   app->add_option("--farm", flags->farm, "Name of the farm, part of the names of its jobs")
       ->capture_default_str();
-  app->add_option("--script", flags->script, "The batch script, deploy/slurm/worker.sbatch")->required();
+  app->add_option("--script", flags->script, "The batch script, deploy/slurm/worker.sbatch")
+      ->required()
+      ->check(CLI::ExistingFile);
   app->add_option("--sbatch", flags->sbatch_arguments, "An argument of sbatch; may be repeated")
       ->allow_extra_args(false);
   app->add_option("--worker", flags->worker_arguments, "An argument of lumifold-worker; may be repeated")

@@ -32,8 +32,10 @@ class Autoscale(harness.CliTest):
     def test_what_is_missing_or_wrong_is_named(self):
         needed = ("--state", "state")
         self.check_golden("autoscale_no_script", *needed)
-        self.check_golden("autoscale_bad_farm", *needed, "--script", "x", "--farm", "a b")
-        self.check_golden("autoscale_bad_limits", *needed, "--script", "x", "--min", "9")
+        self.check_golden("autoscale_lost_script", *needed, "--script", "lost.sbatch")
+        script = ("--script", __file__)
+        self.check_golden("autoscale_bad_farm", *needed, *script, "--farm", "a b")
+        self.check_golden("autoscale_bad_limits", *needed, *script, "--min", "9")
 
 
 class WrongCommandLine(harness.CliTest):

@@ -30,7 +30,8 @@ class FakeSlurm:
         self.folder = folder / "slurm"
         self.bin = self.folder / "bin"
         self.bin.mkdir(parents=True)
-        for name, text in (("queue", ""), ("last", "100"), ("calls", ""), ("lock", "")):
+        self.script = self.folder / "worker.sbatch"
+        for name, text in (("queue", ""), ("last", "100"), ("calls", ""), ("lock", ""), ("worker.sbatch", "")):
             (self.folder / name).write_text(text)
         for command in COMMANDS:
             self.install(command)
@@ -41,7 +42,7 @@ class FakeSlurm:
         os.environ["PATH"] = self.path
 
     def engine_arguments(self):
-        return ["--farm", FARM_NAME, "--script", "worker.sbatch"]
+        return ["--farm", FARM_NAME, "--script", self.script]
 
     def answer(self, command, script):
         """From now on the command runs this shell script."""

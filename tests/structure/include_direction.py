@@ -39,6 +39,8 @@ RULES = [
          r"|absl/time/clock\.h", "the scheduler is pure state: no threads, no clock; time is an argument"),
     Rule("client/autoscale/policy/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono|fstream|filesystem)>"
          r"|absl/synchronization/|absl/time/clock\.h", "the autoscaler's policy is pure: no threads, no clock, no files"),
+    Rule("proto/retry/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono)>|absl/synchronization/"
+         r"|absl/time/clock\.h", "pauses are pure: no threads, no clock; the caller waits"),
     Rule("server/job/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono|fstream|filesystem)>"
          r"|absl/synchronization/|absl/time/clock\.h", "jobs are pure state: no threads, no clock, no files"),
     Rule("server/services/", r"server/coordinator/", "services see a coordinator as its roles",

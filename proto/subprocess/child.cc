@@ -16,6 +16,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "filter/image/file_calls.h"
 #include "proto/rpc/monotonic.h"
 
 namespace lumifold::subprocess {
@@ -122,8 +123,7 @@ class Preparation {
 /// Reads what has arrived; false once the other end is closed.
 bool ReadSome(int file, std::string* text) {
   std::array<char, kPieceBytes> piece;
-  const ssize_t count = read(file, piece.data(), piece.size());
-  if (count < 0 && errno == EINTR) return true;
+  const int64_t count = ReadNext(file, piece.data(), piece.size());
   if (count <= 0) return false;
   text->append(piece.data(), static_cast<size_t>(count));
   return true;

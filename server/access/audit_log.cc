@@ -7,12 +7,12 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <string_view>
 #include <utility>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "filter/image/file_calls.h"
 #include "proto/logging/line_writer.h"
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/trace_context.h"
@@ -152,7 +152,7 @@ std::string AuditLine(absl::Time time, const AuditEvent& event) {
 
 absl::StatusOr<std::unique_ptr<AuditLog>> AuditLog::Open(const AuditLogOptions& options) {
   const int file = OpenFile(options.path);
-  if (file < 0) return absl::UnavailableError(absl::StrCat(options.path, ": ", std::strerror(errno)));
+  if (file < 0) return StorageError(options.path, errno);
   return std::make_unique<AuditLogImpl>(options, file);
 }
 

@@ -254,8 +254,7 @@ absl::Status ServerImpl::OpenCoordinator() {
        // The ledger of several coordinators is not on the disk of their folder.
        .reserve_bytes = IsMember() ? 0 : options_.reserve_bytes,
        .max_open_logs = MaxOpenLogs(),
-       .first_storage_pause = options_.first_storage_pause,
-       .longest_storage_pause = options_.longest_storage_pause,
+       .storage_pauses = options_.storage_pauses,
        .limits = options_.limits.jobs,
        .retention = options_.retention,
        .on_storage_change =

@@ -9,6 +9,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "filter/image/file_system.h"
+#include "proto/retry/pauses.h"
 #include "proto/rpc/monotonic.h"
 #include "server/access/access_control.h"
 #include "server/limits.h"
@@ -67,8 +68,7 @@ struct ServerOptions {
   /// What is kept of jobs that have ended; the free bytes are set by the disk.
   RetentionLimits retention;
   /// Pauses between tries while the storage cannot be written.
-  absl::Duration first_storage_pause = absl::Milliseconds(250);
-  absl::Duration longest_storage_pause = absl::Seconds(5);
+  retry::Pauses storage_pauses = {.first = absl::Milliseconds(250), .longest = absl::Seconds(5)};
   /// Writes all files but the ledger's; outlives the server.
   FileSystem* files = PrivateFileSystem();
 

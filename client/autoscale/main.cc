@@ -53,8 +53,8 @@ struct Flags {
   autoscale::Tuning tuning;
   double finish_seconds = absl::ToDoubleSeconds(tuning.finish_within);
   double idle_seconds = absl::ToDoubleSeconds(tuning.idle);
-  double first_pause_seconds = absl::ToDoubleSeconds(tuning.first_pause);
-  double longest_pause_seconds = absl::ToDoubleSeconds(tuning.longest_pause);
+  double first_pause_seconds = absl::ToDoubleSeconds(tuning.pauses.first);
+  double longest_pause_seconds = absl::ToDoubleSeconds(tuning.pauses.longest);
   double start_seconds = absl::ToDoubleSeconds(tuning.start_time);
   double join_seconds = absl::ToDoubleSeconds(tuning.join_within);
   double call_seconds = 30;
@@ -182,8 +182,8 @@ autoscale::AutoscalerOptions OptionsOf(const Flags& flags) {
   if (flags.budget_days > 0) options.limits.budget_period = absl::Hours(24 * flags.budget_days);
   options.tuning.finish_within = absl::Seconds(flags.finish_seconds);
   options.tuning.idle = absl::Seconds(flags.idle_seconds);
-  options.tuning.first_pause = absl::Seconds(flags.first_pause_seconds);
-  options.tuning.longest_pause = absl::Seconds(flags.longest_pause_seconds);
+  options.tuning.pauses.first = absl::Seconds(flags.first_pause_seconds);
+  options.tuning.pauses.longest = absl::Seconds(flags.longest_pause_seconds);
   options.tuning.start_time = absl::Seconds(flags.start_seconds);
   options.tuning.join_within = absl::Seconds(flags.join_seconds);
   options.now = lumifold::identity::ValidityClock;

@@ -8,8 +8,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/string_view.h"
-#include "client/autoscale/run_command.h"
 #include "client/autoscale/slurm_queue.h"
+#include "proto/subprocess/run_command.h"
 
 namespace lumifold::autoscale {
 namespace {
@@ -76,7 +76,8 @@ class SlurmEngine final : public Engine {
   /// The output of a command that succeeds.
   absl::StatusOr<std::string> Run(const std::vector<std::string>& command,
                                   const std::vector<std::string>& environment) const {
-    absl::StatusOr<CommandResult> done = RunCommand(command, environment, options_.timeout);
+    absl::StatusOr<subprocess::CommandResult> done =
+        subprocess::RunCommand(command, environment, options_.timeout);
     if (!done.ok()) return done.status();
     if (done->exit_code == 0) return std::move(done->out);
     const std::string words = absl::StrReplaceAll(

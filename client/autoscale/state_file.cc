@@ -4,12 +4,12 @@
 #include <sys/file.h>
 
 #include <cerrno>
-#include <cstring>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "filter/image/file_calls.h"
 #include "filter/image/file_system.h"
 #include "proto/rpc/checked_file.h"
 
@@ -113,7 +113,7 @@ absl::StatusOr<StateFile> StateFile::Open(const std::string& path) {
   // A file of its own: the other one is replaced by each write, and its lock with it.
   const std::string lock_path = path + ".lock";
   rpc::FileHandle lock(open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, kMode));
-  if (lock.get() < 0) return absl::UnavailableError(absl::StrCat(lock_path, ": ", strerror(errno)));
+  if (lock.get() < 0) return StorageError(lock_path, errno);
   if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0)
     return absl::FailedPreconditionError(absl::StrCat(path, ": another autoscaler uses this state file"));
   return StateFile(path, std::move(lock));

@@ -1,10 +1,8 @@
 #include <sys/resource.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
-#include <cstdio>
+#include <cstddef>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -12,12 +10,12 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
 #include "client/cli/option_file.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
 #include "client/reports/findings.h"
+#include "proto/subprocess/run_command.h"
 
 namespace lumifold::client {
 namespace {
@@ -25,6 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr uint64_t kKibibyte = 1024;
+constexpr size_t kMaxVersionBytes = 256;
 
 /// Bytes of memory that programs can still get.
 uint64_t AvailableMemory() {
@@ -77,15 +76,12 @@ std::string PathOfProgram(const std::string& name) {
 absl::StatusOr<std::string> VersionOf(const std::string& name) {
   const std::string path = PathOfProgram(name);
   if (path.empty()) return absl::NotFoundError(absl::StrCat("there is no ", name));
-  const std::string command =
-      absl::StrCat("'", absl::StrReplaceAll(path, {{"'", "'\\''"}}), "' --version 2>&1");
-  FILE* const output = popen(command.c_str(), "r");
-  if (output == nullptr) return absl::InternalError(absl::StrCat("cannot start ", path));
-  std::array<char, 256> text = {};
-  const size_t bytes = fread(text.data(), 1, text.size(), output);
-  const std::string line(absl::StripAsciiWhitespace({text.data(), bytes}));
-  if (const int status = pclose(output); status != 0)
-    return absl::InternalError(absl::StrCat(path, ": ", line));
+  const absl::StatusOr<subprocess::CommandResult> done =
+      subprocess::RunCommand({path, "--version"}, {}, absl::InfiniteDuration());
+  if (!done.ok()) return done.status();
+  const std::string text = absl::StrCat(done->out, done->err).substr(0, kMaxVersionBytes);
+  const std::string line(absl::StripAsciiWhitespace(text));
+  if (done->exit_code != 0) return absl::InternalError(absl::StrCat(path, ": ", line));
   return line;
 }
 

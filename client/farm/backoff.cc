@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "proto/rpc/reconnect_pauses.h"
+
 namespace lumifold::client {
 namespace {
 
@@ -16,7 +18,7 @@ Backoff::Backoff(absl::Duration max_idle, rpc::RetryEnvironment time, std::funct
       time_(std::move(time)),
       interrupted_(std::move(interrupted)),
       last_progress_(time_.now()),
-      schedule_(time_.jitter) {}
+      schedule_(rpc::kReconnectPauses, time_.jitter) {}
 
 void Backoff::Reset() {
   last_progress_ = time_.now();
@@ -25,7 +27,7 @@ void Backoff::Reset() {
 
 bool Backoff::Pause() {
   if (time_.now() - last_progress_ >= max_idle_) return false;
-  absl::Duration left = schedule_.NextPause();
+  absl::Duration left = schedule_.Next();
   for (; left > absl::ZeroDuration() && !interrupted_(); left -= kSleepStep)
     time_.sleep(std::min(left, kSleepStep));
   return !interrupted_();

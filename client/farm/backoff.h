@@ -3,13 +3,13 @@
 #include <functional>
 
 #include "absl/time/time.h"
-#include "proto/rpc/reconnect_schedule.h"
+#include "proto/retry/schedule.h"
 #include "proto/rpc/retry.h"
 
 namespace lumifold::client {
 
 /// Pauses between the tries of an operation without a time limit, such as following a job or a download, that
-/// is retried as long as it makes progress. They follow rpc::ReconnectSchedule.
+/// is retried as long as it makes progress. They are rpc::kReconnectPauses.
 class Backoff {
  public:
   /// Pause() returns false when `max_idle` has passed without progress.
@@ -27,7 +27,7 @@ class Backoff {
   const rpc::RetryEnvironment time_;
   const std::function<bool()> interrupted_;
   absl::Time last_progress_;
-  rpc::ReconnectSchedule schedule_;
+  retry::Schedule schedule_;
 };
 
 }  // namespace lumifold::client

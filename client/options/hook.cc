@@ -1,44 +1,19 @@
 #include "client/options/hook.h"
 
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
+#include <memory>
 
-#include <cerrno>
-#include <cstring>
-#include <vector>
-
-#include "absl/strings/match.h"
+#include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
 #include "client/reports/job_report.h"
+#include "proto/subprocess/child.h"
 
 namespace lumifold::client {
 namespace {
 
 constexpr char kPrefix[] = "LUMIFOLD_";
 
-/// The environment of this process, with `variables` in place of its own of these names.
-std::vector<std::string> EnvironmentWith(const std::vector<std::string>& variables) {
-  std::vector<std::string> all = variables;
-  for (char** entry = environ; *entry != nullptr; ++entry) {
-    const std::string text = *entry;
-    const std::string name = text.substr(0, text.find('=') + 1);
-    bool is_new = true;
-    for (const std::string& variable : variables) is_new = is_new && !absl::StartsWith(variable, name);
-    if (is_new) all.push_back(text);
-  }
-  return all;
-}
-
-std::vector<char*> Pointers(std::vector<std::string>& texts) {
-  std::vector<char*> pointers;
-  pointers.reserve(texts.size() + 1);
-  for (std::string& text : texts) pointers.push_back(text.data());
-  pointers.push_back(nullptr);
-  return pointers;
-}
-
-absl::Status Failed(const std::string& why) { return absl::InternalError(absl::StrCat("--hook: ", why)); }
+absl::Status Failed(absl::string_view why) { return absl::InternalError(absl::StrCat("--hook: ", why)); }
 
 }  // namespace
 
@@ -54,28 +29,21 @@ absl::Status Hook::Run(const v1::JobStatus& job, const std::string& output) cons
   const auto variable = [](const char* name, absl::string_view value) {
     return absl::StrCat(kPrefix, name, "=", value);
   };
-  std::vector<std::string> variables = EnvironmentWith({
-      variable("JOB", job.job_id()),
-      variable("NAME", job.display_name()),
-      variable("STATE", StateName(job.state())),
-      variable("ERROR", job.error()),
-      variable("OUTPUT", output),
-  });
-  std::vector<std::string> words = {"/bin/sh", "-c", command};
-  posix_spawn_file_actions_t files;
-  posix_spawn_file_actions_init(&files);
-  posix_spawn_file_actions_adddup2(&files, STDERR_FILENO, STDOUT_FILENO);
-  pid_t child = 0;
-  const int error =
-      posix_spawn(&child, "/bin/sh", &files, nullptr, Pointers(words).data(), Pointers(variables).data());
-  posix_spawn_file_actions_destroy(&files);
-  if (error != 0) return Failed(absl::StrCat("cannot start: ", std::strerror(error)));
-  int status = 0;
-  while (waitpid(child, &status, 0) < 0) {
-    if (errno != EINTR) return Failed(absl::StrCat("cannot wait for it: ", std::strerror(errno)));
-  }
-  if (WIFSIGNALED(status)) return Failed(absl::StrCat("ended by signal ", WTERMSIG(status)));
-  if (WEXITSTATUS(status) != 0) return Failed(absl::StrCat("ended with code ", WEXITSTATUS(status)));
+  const absl::StatusOr<std::unique_ptr<subprocess::Child>> child =
+      subprocess::Child::Start({.words = {"/bin/sh", "-c", command},
+                                .environment =
+                                    {
+                                        variable("JOB", job.job_id()),
+                                        variable("NAME", job.display_name()),
+                                        variable("STATE", StateName(job.state())),
+                                        variable("ERROR", job.error()),
+                                        variable("OUTPUT", output),
+                                    },
+                                .out = subprocess::Stream::kStandardError});
+  if (!child.ok()) return Failed(absl::StrCat("cannot start: ", child.status().message()));
+  const absl::StatusOr<subprocess::ExitStatus> exit = (*child)->Wait();
+  if (!exit.ok()) return Failed(exit.status().message());
+  if (exit->signal != 0 || exit->code != 0) return Failed(exit->Text());
   return absl::OkStatus();
 }
 

@@ -15,6 +15,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "filter/image/file_calls.h"
 #include "proto/rpc/sha256.h"
 
 namespace lumifold::client {
@@ -48,15 +49,9 @@ absl::StatusOr<uint64_t> SizeOf(const rpc::FileHandle& file, const std::string& 
 /// At most `bytes` of the file from `offset` on; fewer at its end.
 absl::StatusOr<std::string> ReadPiece(const rpc::FileHandle& file, uint64_t offset, size_t bytes) {
   std::string text(bytes, '\0');
-  size_t done = 0;
-  while (done < bytes) {
-    const ssize_t n = pread(file.get(), text.data() + done, bytes - done, static_cast<off_t>(offset + done));
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return absl::DataLossError(absl::StrCat("cannot be read: ", std::strerror(errno)));
-    if (n == 0) break;
-    done += static_cast<size_t>(n);
-  }
-  text.resize(done);
+  const int64_t count = ReadAt(file.get(), offset, text.data(), bytes);
+  if (count < 0) return absl::DataLossError(StorageError("cannot be read", count).message());
+  text.resize(static_cast<size_t>(count));
   return text;
 }
 

@@ -4,30 +4,19 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <cerrno>
-#include <cstdio>
-#include <system_error>
+#include <cstdint>
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
+#include "filter/image/file_calls.h"
+#include "filter/image/file_io.h"
 #include "filter/image/file_system.h"
 
 namespace lumifold::identity {
 namespace {
 
-constexpr mode_t kOnlyUser = 0600;
 constexpr mode_t kOnlyUserFolder = 0700;
-
-absl::Status SystemError(const std::string& path, int error) {
-  const std::string text = absl::StrCat(path, ": ", std::system_category().message(error));
-  return error == ENOENT || error == ENOTDIR ? absl::NotFoundError(text) : absl::UnavailableError(text);
-}
-
-absl::Status WriteError(const std::string& path, int error) {
-  return absl::UnavailableError(
-      absl::StrCat("cannot write ", path, ": ", std::system_category().message(error)));
-}
 
 absl::Status CheckIsPrivate(const std::string& path, const struct stat& info, int64_t max_bytes) {
   if (!S_ISREG(info.st_mode)) return absl::InvalidArgumentError(absl::StrCat(path, ": not a regular file"));
@@ -59,20 +48,7 @@ absl::Status MakePrivateFolder(const std::string& path) {
 }
 
 absl::Status WritePrivateFile(const std::string& path, std::string_view bytes) {
-  static std::atomic<uint64_t> counter{0};
-  const std::string temporary = absl::StrCat(path, ".", getpid(), "-", counter.fetch_add(1), ".partial");
-  const int file = open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, kOnlyUser);
-  if (file < 0) return WriteError(path, errno);
-  absl::Cleanup remove = [&temporary] { unlink(temporary.c_str()); };
-  FileSystem* const files = RealFileSystem();
-  int error = files->Write(file, 0, {bytes});
-  if (error == 0) error = files->Sync(file);
-  if (close(file) != 0 && error == 0) error = -errno;
-  if (error == 0) error = files->Rename(temporary, path);
-  if (error != 0) return WriteError(path, -error);
-  std::move(remove).Cancel();
-  error = files->SyncFolder(FolderOf(path));
-  return error == 0 ? absl::OkStatus() : WriteError(path, -error);
+  return WriteFileAtomically(path, bytes, PrivateFileSystem());
 }
 
 absl::StatusOr<std::string> ReadPrivateFile(const std::string& path, int64_t max_bytes) {
@@ -80,21 +56,15 @@ absl::StatusOr<std::string> ReadPrivateFile(const std::string& path, int64_t max
   const int file = open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
   if (file < 0 && errno == ELOOP)
     return absl::InvalidArgumentError(absl::StrCat(path, ": not a regular file"));
-  if (file < 0) return SystemError(path, errno);
+  if (file < 0) return FileError(path, errno);
   const absl::Cleanup close_file = [file] { close(file); };
   struct stat info = {};
-  if (fstat(file, &info) != 0) return SystemError(path, errno);
+  if (fstat(file, &info) != 0) return FileError(path, errno);
   if (absl::Status status = CheckIsPrivate(path, info, max_bytes); !status.ok()) return status;
   std::string bytes(static_cast<size_t>(info.st_size), '\0');
-  size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t got = read(file, bytes.data() + done, bytes.size() - done);
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return SystemError(path, errno);
-    if (got == 0) break;
-    done += static_cast<size_t>(got);
-  }
-  bytes.resize(done);
+  const int64_t got = ReadAt(file, 0, bytes.data(), bytes.size());
+  if (got < 0) return FileError(path, got);
+  bytes.resize(static_cast<size_t>(got));
   return bytes;
 }
 

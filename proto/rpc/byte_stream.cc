@@ -6,46 +6,21 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "filter/image/file_calls.h"
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/limits.h"
 
 namespace lumifold::rpc {
 namespace {
 
-absl::Status SystemError(const std::string& path) {
-  const int error = errno;
-  const std::string text = absl::StrCat(path, ": ", std::strerror(error));
-  return error == ENOENT ? absl::NotFoundError(text) : absl::UnavailableError(text);
-}
-
 absl::StatusOr<uint64_t> SizeOf(const FileHandle& file, const std::string& path) {
   struct stat info = {};
-  if (fstat(file.get(), &info) != 0) return SystemError(path);
+  if (fstat(file.get(), &info) != 0) return FileError(path, errno);
   if (!S_ISREG(info.st_mode)) return absl::InvalidArgumentError(absl::StrCat(path, ": not a regular file"));
   return static_cast<uint64_t>(info.st_size);
-}
-
-absl::Status SystemError(const std::string& path, int error) {
-  errno = -error;
-  return SystemError(path);
-}
-
-absl::Status ReadAt(const FileHandle& file, const std::string& path, char* out, size_t size,
-                    uint64_t offset) {
-  while (size > 0) {
-    const ssize_t n = pread(file.get(), out, size, static_cast<off_t>(offset));
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return SystemError(path);
-    if (n == 0) return absl::DataLossError(absl::StrCat(path, ": became shorter while it was read"));
-    out += n;
-    size -= static_cast<size_t>(n);
-    offset += static_cast<uint64_t>(n);
-  }
-  return absl::OkStatus();
 }
 
 }  // namespace
@@ -66,7 +41,7 @@ ByteSender::ByteSender(std::string path, FileHandle file, uint64_t offset, uint6
 
 absl::StatusOr<ByteSender> ByteSender::Open(const std::string& path, uint64_t offset) {
   FileHandle file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  if (file.get() < 0) return SystemError(path);
+  if (file.get() < 0) return FileError(path, errno);
   return OfFile(std::move(file), path, offset);
 }
 
@@ -88,8 +63,10 @@ absl::StatusOr<bool> ByteSender::Next(v1::ByteChunk* chunk) {
   chunk->set_total_size(size_);
   std::string* data = chunk->mutable_data();
   data->resize(std::min<uint64_t>(kMaxChunkBytes, size_ - offset_));
-  if (absl::Status status = ReadAt(file_, path_, data->data(), data->size(), offset_); !status.ok())
-    return status;
+  const int64_t count = ReadAt(file_.get(), offset_, data->data(), data->size());
+  if (count < 0) return FileError(path_, count);
+  if (static_cast<size_t>(count) < data->size())
+    return absl::DataLossError(absl::StrCat(path_, ": became shorter while it was read"));
   chunk->set_checksum(Checksum(*data));
   offset_ += data->size();
   return true;
@@ -100,7 +77,7 @@ ByteReceiver::ByteReceiver(std::string path, FileHandle file, uint64_t offset, F
 
 absl::StatusOr<ByteReceiver> ByteReceiver::Open(const std::string& path, uint64_t offset, FileSystem* files) {
   const int opened = files->Open(path, O_WRONLY | O_CREAT);
-  if (opened < 0) return SystemError(path, opened);
+  if (opened < 0) return FileError(path, opened);
   FileHandle file(opened);
   const absl::StatusOr<uint64_t> size = SizeOf(file, path);
   if (!size.ok()) return size.status();
@@ -108,7 +85,7 @@ absl::StatusOr<ByteReceiver> ByteReceiver::Open(const std::string& path, uint64_
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": cannot continue at ", offset, ", the file has ", *size, " bytes"));
   }
-  if (const int error = files->Truncate(opened, offset); error != 0) return SystemError(path, error);
+  if (const int error = files->Truncate(opened, offset); error != 0) return FileError(path, error);
   return ByteReceiver(path, std::move(file), offset, files);
 }
 
@@ -138,7 +115,7 @@ absl::Status ByteReceiver::CheckChunk(const v1::ByteChunk& chunk) const {
 absl::Status ByteReceiver::Add(const v1::ByteChunk& chunk) {
   if (absl::Status status = CheckChunk(chunk); !status.ok()) return status;
   if (const int error = files_->Write(file_.get(), offset_, {chunk.data()}); error != 0)
-    return SystemError(path_, error);
+    return FileError(path_, error);
   started_ = true;
   total_size_ = chunk.total_size();
   offset_ += chunk.data().size();
@@ -151,7 +128,7 @@ absl::Status ByteReceiver::Sync() {
         absl::StrCat(path_, ": only ", offset_, " of ", total_size_, " bytes arrived"));
   }
   const int error = files_->Sync(file_.get());
-  return error == 0 ? absl::OkStatus() : SystemError(path_, error);
+  return error == 0 ? absl::OkStatus() : FileError(path_, error);
 }
 
 }  // namespace lumifold::rpc

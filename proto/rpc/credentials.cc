@@ -16,7 +16,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/limits.h"
-#include "proto/rpc/reconnect_schedule.h"
+#include "proto/rpc/reconnect_pauses.h"
 
 namespace lumifold::rpc {
 namespace {
@@ -128,9 +128,9 @@ std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address, const Sec
   // By default gRPC sends two pings, and no more before it has data to send.
   arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   // gRPC's default lets the pauses between attempts grow to two minutes. It adds jitter of 20 %.
-  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, Milliseconds(kFirstReconnectPause));
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, Milliseconds(kReconnectPauses.first));
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, Milliseconds(kConnectTimeout));
-  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, Milliseconds(kLongestReconnectPause));
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, Milliseconds(kReconnectPauses.longest));
   // Each caller gets its own channel: two workers in one test process must not share a connection.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   return grpc::CreateCustomChannel(address, MakeChannelCredentials(security), arguments);

@@ -73,7 +73,7 @@ struct KeepAlive {
 inline constexpr KeepAlive kQuickKeepAlive = {.time = absl::Seconds(2), .timeout = absl::Seconds(3)};
 
 /// A channel to HOST:PORT with our limit of message size. It connects on first use, and reconnects by itself
-/// with the pauses of ReconnectSchedule.
+/// with the pauses kReconnectPauses.
 std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address, const Security& security,
                                            const KeepAlive& keep_alive = {});
 

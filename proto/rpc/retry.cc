@@ -2,11 +2,11 @@
 
 #include <grpcpp/client_context.h>
 
-#include <algorithm>
 #include <memory>
 #include <random>
 
 #include "absl/time/clock.h"
+#include "proto/retry/schedule.h"
 #include "proto/rpc/monotonic.h"
 
 namespace lumifold::rpc {
@@ -25,14 +25,13 @@ bool IsTransient(const absl::Status& status) {
 absl::Status Retry(const RetryPolicy& policy, const RetryEnvironment& environment,
                    absl::FunctionRef<absl::Status()> call) {
   const absl::Time last_start = environment.now() + policy.total_timeout;
-  absl::Duration pause = policy.first_pause;
+  retry::Schedule schedule(policy.pauses, environment.jitter);
   for (int tries = 1;; ++tries) {
     absl::Status status = call();
     if (status.ok() || !IsTransient(status) || tries >= policy.max_tries) return status;
-    const absl::Duration shortened = pause * (1.0 - 0.5 * environment.jitter());
-    if (environment.now() + shortened > last_start) return status;
-    environment.sleep(shortened);
-    pause = std::min(pause * 2, policy.max_pause);
+    const absl::Duration pause = schedule.Next();
+    if (environment.now() + pause > last_start) return status;
+    environment.sleep(pause);
   }
 }
 

@@ -5,6 +5,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "proto/retry/pauses.h"
 
 namespace grpc {
 class ClientContext;
@@ -22,8 +23,7 @@ struct RetryPolicy {
   /// No try starts later than this after the first.
   absl::Duration total_timeout = absl::Seconds(60);
   int max_tries = 6;
-  absl::Duration first_pause = absl::Milliseconds(100);
-  absl::Duration max_pause = absl::Seconds(5);
+  retry::Pauses pauses = {.first = absl::Milliseconds(100), .longest = absl::Seconds(5)};
 };
 
 /// Clock, sleep and jitter of a retry loop.

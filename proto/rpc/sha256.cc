@@ -2,17 +2,16 @@
 
 #include <fcntl.h>
 #include <openssl/evp.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <limits>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "filter/image/check.h"
+#include "filter/image/file_calls.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/limits.h"
 
@@ -21,22 +20,15 @@ namespace {
 
 constexpr uint64_t kToTheEnd = std::numeric_limits<uint64_t>::max();
 
-absl::Status SystemError(const std::string& path) {
-  const int error = errno;
-  const std::string text = absl::StrCat(path, ": ", std::strerror(error));
-  return error == ENOENT ? absl::NotFoundError(text) : absl::UnavailableError(text);
-}
-
 // Adds at most `bytes` bytes of a file. Returns how many there were.
 absl::StatusOr<uint64_t> AddFile(const std::string& path, uint64_t bytes, Sha256* sum) {
   const FileHandle file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  if (file.get() < 0) return SystemError(path);
+  if (file.get() < 0) return FileError(path, errno);
   std::string buffer(kMaxChunkBytes, '\0');
   uint64_t done = 0;
   while (done < bytes) {
-    const ssize_t n = read(file.get(), buffer.data(), std::min<uint64_t>(buffer.size(), bytes - done));
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return SystemError(path);
+    const int64_t n = ReadNext(file.get(), buffer.data(), std::min<uint64_t>(buffer.size(), bytes - done));
+    if (n < 0) return FileError(path, n);
     if (n == 0) break;
     sum->Update({buffer.data(), static_cast<size_t>(n)});
     done += static_cast<uint64_t>(n);

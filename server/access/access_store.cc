@@ -5,11 +5,11 @@
 
 #include <cerrno>
 #include <optional>
-#include <system_error>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "filter/image/file_calls.h"
 #include "server/ledger/open_job_store.h"
 #include "server/ledger/postgres_connection.h"
 #include "server/ledger/sqlite_connection.h"
@@ -105,8 +105,7 @@ absl::StatusOr<std::unique_ptr<SqlConnection>> OpenSqlite(const std::string& pat
   // SQLite would create it with the rights of the umask. Its log and its shared memory get the rights of the
   // database.
   const int file = open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600);
-  if (file < 0)
-    return absl::UnavailableError(absl::StrCat(path, ": ", std::system_category().message(errno)));
+  if (file < 0) return StorageError(path, errno);
   close(file);
   absl::StatusOr<std::unique_ptr<ledger::SqliteConnection>> db = ledger::SqliteConnection::Open(path);
   if (!db.ok()) return db.status();

@@ -4,19 +4,18 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
 #include <cstdio>
-#include <cstring>
-#include <thread>
+#include <string_view>
 #include <utility>
 
-#include "absl/base/thread_annotations.h"
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
-#include "absl/synchronization/mutex.h"
+#include "filter/image/file_calls.h"
+#include "proto/logging/line_writer.h"
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/trace_context.h"
-#include "proto/threads/event.h"
 #include "server/access/authorisation.h"
 
 namespace lumifold::access {
@@ -44,31 +43,34 @@ uint64_t SizeOf(int file) {
   return fstat(file, &info) == 0 ? static_cast<uint64_t>(info.st_size) : 0;
 }
 
-/// What the log and its thread share. The thread may outlive the log: a write that hangs cannot be ended.
-struct Queue {
-  absl::Mutex mutex;
-  std::string lines ABSL_GUARDED_BY(mutex);
-  uint64_t dropped ABSL_GUARDED_BY(mutex) = 0;                   // since the last batch
-  absl::Time latest ABSL_GUARDED_BY(mutex) = absl::UnixEpoch();  // of the events
-  bool stopping ABSL_GUARDED_BY(mutex) = false;
-  threads::Event finished;  // everything is written, and nothing more will come
+/// Of the last event, in milliseconds since 1970.
+using LatestTime = std::atomic<int64_t>;
 
-  bool HasWork() const ABSL_SHARED_LOCKS_REQUIRED(mutex) { return stopping || !lines.empty() || dropped > 0; }
-};
-
-/// The file, used by one thread.
-class RotatedFile {
+class RotatedFile final : public logging::LineWriter::File {
  public:
-  RotatedFile(const AuditLogOptions& options, int file)
-      : options_(options), file_(file), bytes_(SizeOf(file)) {}
+  RotatedFile(const AuditLogOptions& options, int file, std::shared_ptr<LatestTime> latest)
+      : options_(options), latest_(std::move(latest)), file_(file), bytes_(SizeOf(file)) {}
   RotatedFile(const RotatedFile&) = delete;
   RotatedFile& operator=(const RotatedFile&) = delete;
-  ~RotatedFile() {
+  ~RotatedFile() override {
     if (file_ >= 0) close(file_);
   }
 
+  /// Lines that were lost are counted in a line of their own once the file takes lines again.
+  void Write(std::string_view lines, uint64_t dropped) override {
+    lost_ += dropped;
+    const uint64_t failed = Append(lines);
+    if (failed == 0 && lost_ > 0) {
+      const std::string line = absl::StrCat(Stamp(absl::FromUnixMillis(*latest_)),
+                                            " warn event=audit_dropped lines=", lost_, "\n");
+      if (Append(line) == 0) lost_ = 0;
+    }
+    lost_ += failed;
+  }
+
+ private:
   /// Appends whole lines. Returns how many were lost.
-  uint64_t Append(absl::string_view lines) {
+  uint64_t Append(std::string_view lines) {
     uint64_t lost = 0;
     while (!lines.empty()) {
       const size_t end = lines.find('\n') + 1;
@@ -78,8 +80,7 @@ class RotatedFile {
     return lost;
   }
 
- private:
-  bool AppendLine(absl::string_view line) {
+  bool AppendLine(std::string_view line) {
     if (bytes_ > 0 && bytes_ + line.size() > options_.max_file_bytes) Rotate();
     if (file_ < 0) file_ = OpenFile(options_.path);
     if (file_ < 0) return false;
@@ -89,7 +90,7 @@ class RotatedFile {
     return written == line.size();
   }
 
-  size_t WriteBytes(absl::string_view bytes) {
+  size_t WriteBytes(std::string_view bytes) {
     const ssize_t written = write(file_, bytes.data(), bytes.size());
     if (written <= 0) return 0;
     bytes_ += static_cast<uint64_t>(written);
@@ -107,66 +108,28 @@ class RotatedFile {
   }
 
   const AuditLogOptions options_;
+  const std::shared_ptr<LatestTime> latest_;
+  uint64_t lost_ = 0;  // since the last line about lost lines
   int file_;
   uint64_t bytes_;
   bool is_torn_ = false;  // the disk took only a part of the last line
 };
 
-void WriteLines(const std::shared_ptr<Queue>& queue, const AuditLogOptions& options, int opened) {
-  RotatedFile file(options, opened);
-  uint64_t lost = 0;  // lines that the file did not take
-  while (true) {
-    std::string batch;
-    absl::Time latest;
-    {
-      absl::MutexLock lock(&queue->mutex);
-      queue->mutex.Await(absl::Condition(queue.get(), &Queue::HasWork));
-      if (queue->lines.empty() && queue->dropped == 0) {
-        queue->finished.Notify();
-        return;
-      }
-      batch = std::exchange(queue->lines, {});
-      lost += std::exchange(queue->dropped, 0);
-      latest = queue->latest;
-    }
-    const uint64_t failed = file.Append(batch);
-    if (failed == 0 && lost > 0) {
-      const std::string line = absl::StrCat(Stamp(latest), " warn event=audit_dropped lines=", lost, "\n");
-      if (file.Append(line) == 0) lost = 0;
-    }
-    lost += failed;
-  }
-}
-
 class AuditLogImpl final : public AuditLog {
  public:
   AuditLogImpl(const AuditLogOptions& options, int file)
-      : max_waiting_bytes_(options.max_waiting_bytes), queue_(std::make_shared<Queue>()) {
-    std::thread([queue = queue_, options, file] { WriteLines(queue, options, file); }).detach();
-  }
-
-  ~AuditLogImpl() override {
-    {
-      absl::MutexLock lock(&queue_->mutex);
-      queue_->stopping = true;
-    }
-    queue_->finished.WaitFor(kFlushTime);
-  }
+      : latest_(std::make_shared<LatestTime>(0)),
+        writer_({.max_waiting_bytes = options.max_waiting_bytes, .flush_time = kFlushTime},
+                std::make_unique<RotatedFile>(options, file, latest_)) {}
 
   void Write(absl::Time time, const AuditEvent& event) override {
-    const std::string line = AuditLine(time, event) + "\n";
-    absl::MutexLock lock(&queue_->mutex);
-    queue_->latest = time;
-    if (queue_->dropped > 0 || queue_->lines.size() + line.size() > max_waiting_bytes_) {
-      ++queue_->dropped;
-      return;
-    }
-    queue_->lines += line;
+    *latest_ = absl::ToUnixMillis(time);
+    writer_.Add(AuditLine(time, event) + "\n");
   }
 
  private:
-  const size_t max_waiting_bytes_;
-  const std::shared_ptr<Queue> queue_;
+  const std::shared_ptr<LatestTime> latest_;
+  logging::LineWriter writer_;
 };
 
 }  // namespace
@@ -189,7 +152,7 @@ std::string AuditLine(absl::Time time, const AuditEvent& event) {
 
 absl::StatusOr<std::unique_ptr<AuditLog>> AuditLog::Open(const AuditLogOptions& options) {
   const int file = OpenFile(options.path);
-  if (file < 0) return absl::UnavailableError(absl::StrCat(options.path, ": ", std::strerror(errno)));
+  if (file < 0) return StorageError(options.path, errno);
   return std::make_unique<AuditLogImpl>(options, file);
 }
 

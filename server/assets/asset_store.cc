@@ -6,10 +6,8 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <system_error>
 #include <utility>
@@ -17,6 +15,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
+#include "filter/image/file_calls.h"
 #include "proto/logging/fields.h"
 
 namespace lumifold::server {
@@ -36,10 +35,6 @@ bool IsOlder(const fs::path& file, absl::Duration age) {
   const fs::file_time_type written = fs::last_write_time(file, error);
   return !error &&
          written < fs::file_time_type::clock::now() - std::chrono::seconds(absl::ToInt64Seconds(age));
-}
-
-absl::Status FileError(const std::string& path, int error) {
-  return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(-error)));
 }
 
 uint64_t SizeOrZero(const std::string& path) {
@@ -265,7 +260,7 @@ absl::Status AssetStore::CheckContent(const std::string& sha256) const {
 absl::Status AssetStore::MoveAside(const std::string& sha256) const {
   const std::string aside = PathOf(sha256) + kDamagedSuffix;
   if (const int error = files_->Rename(PathOf(sha256), aside); error != 0)
-    return FileError(PathOf(sha256), error);
+    return StorageError(PathOf(sha256), error);
   if (log_ != nullptr)
     log_->error("event=asset_damaged sha256={} moved_to={}", sha256, logging::Quoted(aside));
   return absl::NotFoundError(absl::StrCat("asset ", sha256,
@@ -279,11 +274,11 @@ absl::Status AssetStore::Install(const std::string& incoming_path, const std::st
     absl::MutexLock lock(&mutex_);
     // A check in progress may be about to move the old file aside.
     AwaitCheck(sha256);
-    if (const int error = files_->Rename(incoming_path, path); error != 0) return FileError(path, error);
+    if (const int error = files_->Rename(incoming_path, path); error != 0) return StorageError(path, error);
     states_[sha256] = State::kIntact;
   }
   const int error = files_->SyncFolder(folder_);
-  return error == 0 ? absl::OkStatus() : FileError(folder_, error);
+  return error == 0 ? absl::OkStatus() : StorageError(folder_, error);
 }
 
 absl::StatusOr<std::unique_ptr<AssetUpload>> AssetStore::Receive(const v1::AssetRef& asset,

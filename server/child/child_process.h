@@ -1,7 +1,5 @@
 #pragma once
 
-#include <sys/types.h>
-
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -11,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
+#include "proto/subprocess/child.h"
 #include "server/job/ids.h"
 
 namespace lumifold::server {
@@ -48,16 +47,12 @@ class ChildProcess {
   void Cancel();
 
  private:
-  /// Reaps the child that runs and returns its wait status.
-  int Reap(pid_t pid) ABSL_LOCKS_EXCLUDED(mutex_);
-
   const ChildProcessOptions options_;
   absl::Mutex mutex_;
   bool cancelled_ ABSL_GUARDED_BY(mutex_) = false;
   job::JobId job_ ABSL_GUARDED_BY(mutex_);  // of the child that runs
   bool job_cancelled_ ABSL_GUARDED_BY(mutex_) = false;
-  pid_t running_ ABSL_GUARDED_BY(mutex_) =
-      -1;  // reset before the child is reaped, so that no other process is killed
+  subprocess::Child* running_ ABSL_GUARDED_BY(mutex_) = nullptr;
 };
 
 }  // namespace lumifold::server

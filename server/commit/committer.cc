@@ -1,7 +1,5 @@
 #include "server/commit/committer.h"
 
-#include <algorithm>
-#include <cmath>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -11,8 +9,6 @@ namespace {
 
 /// Maximum number of units in a batch. Limits the memory of a batch and the delay of acknowledgements.
 constexpr size_t kMaxBatch = 256;
-constexpr double kPauseGrowth = 2;
-constexpr int kMaxGrowths = 60;  // further ones would overflow
 
 /// The commit of `units`, all of one job, without their records.
 ledger::JobCommit CommitOf(const std::vector<AcceptedUnit>& units, ledger::Epoch epoch) {
@@ -44,7 +40,8 @@ Committer::Committer(const CommitterOptions& options, const DataFolder& folder, 
                    listener->OnUnitsLost(frame.first, frame.second, cause, lost);
                  }},
             folder, store),
-      reserve_(folder.ReservePath(), options.reserve_bytes, folder.files()) {
+      reserve_(folder.ReservePath(), options.reserve_bytes, folder.files()),
+      pauses_(options.pauses) {
   storage_->OnFail([this] { queue_.NoteStorageFailure(); });
 }
 
@@ -118,7 +115,7 @@ void Committer::Run() {
       if (!Pause()) return;  // what waits was not acknowledged
       continue;
     }
-    failures_ = 0;
+    pauses_.Reset();
     if (storage_->ok()) continue;
     storage_->Recover();
     listener_->OnStorageAvailable();
@@ -128,7 +125,7 @@ void Committer::Run() {
 bool Committer::AwaitWork() {
   if (!batch_.empty()) return true;  // it is tried again
   const CommitQueue::Work work = queue_.Await();
-  if (work == CommitQueue::Work::kStorageFailed && failures_ == 0) {
+  if (work == CommitQueue::Work::kStorageFailed && pauses_.failures() == 0) {
     reserve_.GiveUp();
     Pause();
   }
@@ -136,10 +133,7 @@ bool Committer::AwaitWork() {
 }
 
 bool Committer::Pause() {
-  const double growth = std::pow(kPauseGrowth, std::min(failures_, kMaxGrowths));
-  ++failures_;
-  queue_.Pause(options_.now() + std::min(options_.longest_pause, options_.first_pause * growth),
-               options_.now);
+  queue_.Pause(options_.now() + pauses_.Next(), options_.now);
   return !queue_.is_stopping();
 }
 

@@ -10,6 +10,8 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "proto/retry/pauses.h"
+#include "proto/retry/schedule.h"
 #include "server/commit/accepted_unit.h"
 #include "server/commit/commit_queue.h"
 #include "server/commit/frame_logs.h"
@@ -26,9 +28,8 @@ struct CommitterOptions {
   ledger::Epoch epoch;
   /// Monotonic clock.
   std::function<absl::Time()> now;
-  /// Pause after the first error of the storage; it doubles with each further one.
-  absl::Duration first_pause = absl::Milliseconds(250);
-  absl::Duration longest_pause = absl::Seconds(5);
+  /// After errors of the storage.
+  retry::Pauses pauses = {.first = absl::Milliseconds(250), .longest = absl::Seconds(5)};
   /// Number of unit logs that may be open.
   size_t max_open_logs = 256;
   /// Bytes of the reserve file; 0 for none.
@@ -141,7 +142,7 @@ class Committer {
   ReserveFile reserve_;
   Batch batch_;
   bool batch_is_synced_ = false;
-  int failures_ = 0;
+  retry::Schedule pauses_;  // its failures: errors of the storage since the last success
 
   std::thread thread_;
 };

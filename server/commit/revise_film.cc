@@ -1,11 +1,10 @@
 #include "server/commit/revise_film.h"
 
-#include <cerrno>
-#include <cstring>
 #include <map>
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "filter/image/file_calls.h"
 #include "server/film/unit_log.h"
 #include "server/film/void_records.h"
 
@@ -18,8 +17,7 @@ using job::ReopenPlan;
 absl::Status RemoveLog(const std::string& path, FileSystem* files) {
   int result = files->Remove(path);
   if (result >= 0) result = files->SyncFolder(FolderOf(path));
-  if (result >= 0) return absl::OkStatus();
-  return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(-result)));
+  return result < 0 ? StorageError(path, result) : absl::OkStatus();
 }
 
 absl::Status VoidUnkept(const std::string& path, const JobId& job, const ReopenPlan& plan,

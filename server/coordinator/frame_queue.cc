@@ -1,7 +1,6 @@
 #include "server/coordinator/frame_queue.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 namespace lumifold::server {
@@ -10,12 +9,14 @@ namespace {
 /// A frame that failed this often, of a cause that may go away, fails its job.
 constexpr int kMaxFailures = 3;
 constexpr double kPauseGrowth = 4;
-/// Longest pause before a frame that found the disk full is tried again, and the growths that lead to it at
-/// most.
+/// Longest pause before a frame that found the disk full is tried again.
 constexpr absl::Duration kLongestPause = absl::Minutes(1);
-constexpr int kMaxGrowths = 20;
 
 }  // namespace
+
+FrameQueue::FrameQueue(absl::Duration pause)
+    : after_failures_{.first = pause, .factor = kPauseGrowth},
+      for_storage_{.first = pause, .longest = kLongestPause, .factor = kPauseGrowth} {}
 
 void FrameQueue::Push(DueFrame frame) {
   has_news_ = true;
@@ -46,14 +47,13 @@ absl::Time FrameQueue::NextDue(absl::Time now) const {
 
 bool FrameQueue::Retry(DueFrame* frame, absl::Time now) {
   if (++frame->failures == kMaxFailures) return false;
-  frame->not_before = now + pause_ * std::pow(kPauseGrowth, frame->failures - 1);
+  frame->not_before = now + after_failures_.After(frame->failures);
   waiting_.push_back(*frame);
   return true;
 }
 
 void FrameQueue::AwaitStorage(DueFrame* frame, absl::Time now) {
-  const int growths = std::min(frame->waits++, kMaxGrowths);
-  frame->not_before = now + std::min(kLongestPause, pause_ * std::pow(kPauseGrowth, growths));
+  frame->not_before = now + for_storage_.After(++frame->waits);
   waiting_.push_back(*frame);
 }
 

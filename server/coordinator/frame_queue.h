@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "absl/time/time.h"
+#include "proto/retry/pauses.h"
 #include "server/commit/open_logs.h"
 #include "server/job/ids.h"
 
@@ -34,7 +35,7 @@ struct DueFrame {
 class FrameQueue {
  public:
   /// `pause` follows the first failure of a frame; each further one is four times as long.
-  explicit FrameQueue(absl::Duration pause) : pause_(pause) {}
+  explicit FrameQueue(absl::Duration pause);
 
   /// No effect where the same is queued already.
   void Push(DueFrame frame);
@@ -70,7 +71,8 @@ class FrameQueue {
     bool is_stale = false;
   };
 
-  const absl::Duration pause_;
+  const retry::Pauses after_failures_;
+  const retry::Pauses for_storage_;
   std::deque<DueFrame> waiting_;
   std::optional<Current> current_;
   bool has_news_ = false;

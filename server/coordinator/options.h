@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "absl/time/time.h"
+#include "proto/retry/pauses.h"
 #include "server/storage/retention.h"
 
 namespace spdlog {
@@ -48,8 +49,7 @@ struct CoordinatorOptions {
   /// Number of unit logs that may be open.
   size_t max_open_logs = 256;
   /// Pauses while the storage cannot be written.
-  absl::Duration first_storage_pause = absl::Milliseconds(250);
-  absl::Duration longest_storage_pause = absl::Seconds(5);
+  retry::Pauses storage_pauses = {.first = absl::Milliseconds(250), .longest = absl::Seconds(5)};
   JobLimits limits;
   /// What is kept of jobs that have ended. The free bytes of the disk are set by the coordinator.
   RetentionLimits retention;

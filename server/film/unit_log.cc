@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -12,6 +11,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "filter/image/file_calls.h"
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/image_codec.h"
 #include "server/film/unit_layout.h"
@@ -22,12 +22,6 @@ namespace {
 
 constexpr uint32_t kMaxHeaderBytes = 1 << 20;
 constexpr uint64_t kMaxPayloadBytes = uint64_t{1} << 32;
-
-absl::Status SystemError(const std::string& path) {
-  const int error = errno;
-  const std::string text = absl::StrCat(path, ": ", std::strerror(error));
-  return error == ENOENT ? absl::NotFoundError(text) : absl::UnavailableError(text);
-}
 
 absl::Status DamagedRecord(const std::string& path, uint64_t offset, absl::string_view cause) {
   return absl::DataLossError(absl::StrCat(path, ": record at ", offset, ": ", cause));
@@ -47,13 +41,9 @@ absl::Status AnotherVersion(const std::string& path, uint64_t offset) {
       ": was written by another version of Lumifold; finish the job with that version, or submit it again"));
 }
 
-absl::Status SystemError(const std::string& path, int error) {
-  return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(-error)));
-}
-
 /// An error of a write or sync: one of the file alone is told from one of the whole disk.
-absl::Status WriteError(const std::string& path, int error) {
-  absl::Status status = SystemError(path, error);
+absl::Status LogWriteError(const std::string& path, int error) {
+  absl::Status status = StorageError(path, error);
   return error == -EIO ? absl::DataLossError(status.message()) : status;
 }
 
@@ -81,26 +71,19 @@ absl::StatusOr<EdgedImage> ImageFromPayload(const v1::UnitChunk& header, std::st
 }
 
 /// Reads [offset, offset + size), or up to the end of the file.
-absl::StatusOr<std::string> ReadAt(const rpc::FileHandle& file, const std::string& path, uint64_t offset,
-                                   uint64_t size) {
+absl::StatusOr<std::string> BytesAt(const rpc::FileHandle& file, const std::string& path, uint64_t offset,
+                                    uint64_t size) {
   std::string bytes(size, '\0');
-  size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t n =
-        pread(file.get(), bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return SystemError(path);
-    if (n == 0) break;
-    done += static_cast<size_t>(n);
-  }
-  bytes.resize(done);
+  const int64_t count = ReadAt(file.get(), offset, bytes.data(), bytes.size());
+  if (count < 0) return FileError(path, count);
+  bytes.resize(static_cast<size_t>(count));
   return bytes;
 }
 
 /// Reads the beginning of the record at `offset`.
 absl::StatusOr<RecordPreamble> ReadPreamble(const rpc::FileHandle& file, const std::string& path,
                                             uint64_t offset) {
-  const absl::StatusOr<std::string> bytes = ReadAt(file, path, offset, sizeof(RecordPreamble));
+  const absl::StatusOr<std::string> bytes = BytesAt(file, path, offset, sizeof(RecordPreamble));
   if (!bytes.ok()) return bytes.status();
   if (bytes->size() != sizeof(RecordPreamble)) return DamagedRecord(path, offset, "is cut short");
   RecordPreamble preamble;
@@ -123,7 +106,7 @@ absl::StatusOr<v1::UnitChunk> ReadHeaderOf(const rpc::FileHandle& file, const st
   if (LengthOf(preamble) != place.length)
     return DamagedRecord(path, place.offset, "has no valid record header");
   const absl::StatusOr<std::string> bytes =
-      ReadAt(file, path, place.offset + sizeof(preamble), preamble.header_bytes);
+      BytesAt(file, path, place.offset + sizeof(preamble), preamble.header_bytes);
   if (!bytes.ok()) return bytes.status();
   if (HeaderChecksum(preamble, *bytes) != preamble.header_checksum)
     return DamagedRecord(path, place.offset, "the checksum of the header does not match");
@@ -141,10 +124,10 @@ absl::StatusOr<UnitLog> UnitLog::Open(const std::string& path, uint64_t committe
   int opened = files->Open(path, O_WRONLY);
   const bool is_new = opened == -ENOENT;
   if (is_new) opened = files->Open(path, O_WRONLY | O_CREAT);
-  if (opened < 0) return SystemError(path, opened);
+  if (opened < 0) return StorageError(path, opened);
   rpc::FileHandle file(opened);
   struct stat info = {};
-  if (fstat(file.get(), &info) != 0) return SystemError(path);
+  if (fstat(file.get(), &info) != 0) return FileError(path, errno);
   const auto size = static_cast<uint64_t>(info.st_size);
   if (size < committed_bytes) {
     return absl::DataLossError(
@@ -152,18 +135,19 @@ absl::StatusOr<UnitLog> UnitLog::Open(const std::string& path, uint64_t committe
   }
   if (size > committed_bytes) {
     if (const int error = files->Truncate(file.get(), committed_bytes); error != 0)
-      return SystemError(path, error);
+      return StorageError(path, error);
   }
   // Also where the file is old: the run that created it may have been killed before its name was durable.
   if (const int error = committed_bytes == 0 ? files->SyncFolder(FolderOf(path)) : 0; error != 0)
-    return SystemError(path, error);
+    return StorageError(path, error);
   return UnitLog(path, std::move(file), committed_bytes, files);
 }
 
 absl::StatusOr<RecordPlace> UnitLog::Append(const EncodedUnit& unit) {
   std::vector<std::string_view> parts = {unit.head};
   for (const rpc::PixelPiece& piece : unit.payload) parts.push_back(piece.bytes);
-  if (const int error = files_->Write(file_.get(), end_, parts); error != 0) return WriteError(path_, error);
+  if (const int error = files_->Write(file_.get(), end_, parts); error != 0)
+    return LogWriteError(path_, error);
   const RecordPlace place{end_, unit.size_bytes()};
   end_ += place.length;
   return place;
@@ -171,7 +155,7 @@ absl::StatusOr<RecordPlace> UnitLog::Append(const EncodedUnit& unit) {
 
 absl::Status UnitLog::Sync() {
   const int error = files_->Sync(file_.get());
-  return error == 0 ? absl::OkStatus() : WriteError(path_, error);
+  return error == 0 ? absl::OkStatus() : LogWriteError(path_, error);
 }
 
 UnitLogReader::UnitLogReader(std::string path, rpc::FileHandle file, uint64_t size)
@@ -179,9 +163,9 @@ UnitLogReader::UnitLogReader(std::string path, rpc::FileHandle file, uint64_t si
 
 absl::StatusOr<UnitLogReader> UnitLogReader::Open(const std::string& path) {
   rpc::FileHandle file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  if (file.get() < 0) return SystemError(path);
+  if (file.get() < 0) return FileError(path, errno);
   struct stat info = {};
-  if (fstat(file.get(), &info) != 0) return SystemError(path);
+  if (fstat(file.get(), &info) != 0) return FileError(path, errno);
   return UnitLogReader(path, std::move(file), static_cast<uint64_t>(info.st_size));
 }
 
@@ -217,7 +201,7 @@ absl::StatusOr<StoredUnit> UnitLogReader::Read(const RecordPlace& place) const {
   const absl::StatusOr<v1::UnitChunk> header = ReadHeaderOf(file_, path_, place, *preamble);
   if (!header.ok()) return header.status();
   const absl::StatusOr<std::string> payload =
-      ReadAt(file_, path_, place.offset + place.length - preamble->payload_bytes, preamble->payload_bytes);
+      BytesAt(file_, path_, place.offset + place.length - preamble->payload_bytes, preamble->payload_bytes);
   if (!payload.ok()) return payload.status();
   if (rpc::Checksum(*payload) != preamble->payload_checksum)
     return DamagedRecord(path_, place.offset, "the checksum of the pixels does not match");
@@ -245,7 +229,7 @@ absl::StatusOr<uint64_t> UnitLogReader::FindMagic(uint64_t offset) const {
   const std::string_view magic(RecordPreamble::kMagic.data(), RecordPreamble::kMagic.size());
   for (; offset < size_; offset += kStep) {
     // The windows overlap, so that no record begins unseen at the end of one.
-    const absl::StatusOr<std::string> bytes = ReadAt(file_, path_, offset, kStep + magic.size() - 1);
+    const absl::StatusOr<std::string> bytes = BytesAt(file_, path_, offset, kStep + magic.size() - 1);
     if (!bytes.ok()) return bytes.status();
     const size_t found = bytes->find(magic);
     if (found != std::string::npos) return offset + found;

@@ -2,11 +2,9 @@
 
 #include <fcntl.h>
 
-#include <cerrno>
-#include <cstring>
 #include <string_view>
 
-#include "absl/strings/str_cat.h"
+#include "filter/image/file_calls.h"
 #include "proto/rpc/byte_stream.h"
 
 namespace lumifold::film {
@@ -15,23 +13,18 @@ namespace {
 /// In the place of a record's magic bytes.
 constexpr std::string_view kVoid = "VOID";
 
-absl::Status SystemError(const std::string& path, int result) {
-  const std::string text = absl::StrCat(path, ": ", std::strerror(-result));
-  return result == -ENOENT ? absl::NotFoundError(text) : absl::UnavailableError(text);
-}
-
 }  // namespace
 
 absl::Status VoidRecords(const std::string& path, absl::Span<const RecordPlace> places, FileSystem* files) {
   if (places.empty()) return absl::OkStatus();
   const rpc::FileHandle file(files->Open(path, O_WRONLY));
-  if (file.get() < 0) return SystemError(path, file.get());
+  if (file.get() < 0) return FileError(path, file.get());
   for (const RecordPlace& place : places) {
     if (const int written = files->Write(file.get(), place.offset, {kVoid}); written < 0)
-      return SystemError(path, written);
+      return FileError(path, written);
   }
   const int synced = files->Sync(file.get());
-  return synced < 0 ? SystemError(path, synced) : absl::OkStatus();
+  return synced < 0 ? FileError(path, synced) : absl::OkStatus();
 }
 
 }  // namespace lumifold::film

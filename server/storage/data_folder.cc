@@ -15,6 +15,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "filter/image/file_calls.h"
 #include "filter/image/file_io.h"
 
 namespace lumifold::server {
@@ -25,10 +26,6 @@ namespace fs = std::filesystem;
 constexpr char kFramePrefix[] = "frame-";
 constexpr char kLogSuffix[] = ".units";
 constexpr char kResultSuffix[] = ".exr";
-
-absl::Status FileError(const std::string& path, int error) {
-  return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(-error)));
-}
 
 /// Everything in a folder and the folder itself, contents first.
 absl::StatusOr<std::vector<std::string>> ContentsFirst(const std::string& path) {
@@ -80,7 +77,7 @@ absl::Status MakeFolder(const std::string& path, FileSystem* files) {
   }
   int failed = files->MakeFolder(path);
   if (failed == 0) failed = files->SyncFolder(parent);
-  return failed == 0 ? absl::OkStatus() : FileError(path, failed);
+  return failed == 0 ? absl::OkStatus() : StorageError(path, failed);
 }
 
 absl::Status RemoveAll(const std::string& path, FileSystem* files) {
@@ -88,7 +85,7 @@ absl::Status RemoveAll(const std::string& path, FileSystem* files) {
   if (!contents.ok()) return contents.status();
   for (const std::string& name : *contents) {
     const int error = files->Remove(name);
-    if (error != 0 && error != -ENOENT) return FileError(name, error);
+    if (error != 0 && error != -ENOENT) return StorageError(name, error);
   }
   return absl::OkStatus();
 }
@@ -113,7 +110,7 @@ absl::StatusOr<rpc::FileHandle> DataFolder::Claim() const {
   if (absl::Status status = MakeFolders(); !status.ok()) return status;
   const std::string path = root_ + "/lock";
   rpc::FileHandle lock(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
-  if (lock.get() < 0) return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(errno)));
+  if (lock.get() < 0) return StorageError(path, errno);
   if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
     return absl::FailedPreconditionError(
         absl::StrCat(root_, ": another coordinator is using this data folder"));
@@ -154,7 +151,7 @@ bool DataFolder::IsBeingDeleted(const job::JobId& job) const {
 
 absl::StatusOr<uint64_t> DataFolder::FreeBytes() const {
   struct statvfs info = {};
-  if (statvfs(root_.c_str(), &info) != 0) return FileError(root_, -errno);
+  if (statvfs(root_.c_str(), &info) != 0) return StorageError(root_, errno);
   return uint64_t{info.f_bavail} * info.f_frsize;
 }
 

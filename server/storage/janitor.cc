@@ -4,13 +4,12 @@
 #include <spdlog/logger.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <system_error>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "filter/image/file_calls.h"
 #include "filter/image/file_system.h"
 #include "proto/logging/fields.h"
 #include "proto/rpc/byte_stream.h"
@@ -49,16 +48,12 @@ absl::Time WrittenAt(const std::string& file) {
   return error ? absl::InfinitePast() : absl::FromChrono(fs::file_time_type::clock::to_sys(written));
 }
 
-absl::Status SystemError(const std::string& path, int result) {
-  return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(-result)));
-}
-
 /// Creates an empty file whose name survives a crash.
 absl::Status CreateDurably(const std::string& path, FileSystem* files) {
   const rpc::FileHandle file(files->Open(path, O_WRONLY | O_CREAT));
-  if (file.get() < 0) return SystemError(path, file.get());
+  if (file.get() < 0) return StorageError(path, file.get());
   const int synced = files->SyncFolder(FolderOf(path));
-  return synced < 0 ? SystemError(path, synced) : absl::OkStatus();
+  return synced < 0 ? StorageError(path, synced) : absl::OkStatus();
 }
 
 }  // namespace

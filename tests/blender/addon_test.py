@@ -14,7 +14,7 @@ import unittest
 import zipfile
 
 import blender
-import exr  # of tests/cross_check
+import exr
 import farm
 import lumifold
 from lumifold import versions

@@ -15,13 +15,13 @@ import subprocess
 import sys
 import tempfile
 
-import exr
 import regions
 
 HERE = pathlib.Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "support"))
 
 import blender
+import exr
 import gltf
 
 PROGRAMS = pathlib.Path(os.environ.get("LUMIFOLD_BIN", HERE.parents[1] / "build/release/bin"))

@@ -14,8 +14,7 @@ import resource
 import sys
 import tempfile
 
-import exr
-from cross_check import PROGRAMS, SKIPPED, blender, run, run_blender
+from cross_check import PROGRAMS, SKIPPED, blender, exr, run, run_blender
 
 WIDTH, HEIGHT = 256, 192
 FEW, MANY = 8, 64

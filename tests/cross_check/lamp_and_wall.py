@@ -11,7 +11,8 @@ import math
 import pathlib
 import sys
 
-import exr
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "support"))
+import exr  # noqa: E402
 
 WIDTH, HEIGHT = 192, 144  # pixels, cross_check.py's own
 FOCAL_LENGTH = WIDTH / 2 / math.tan(math.radians(48 / 2))  # in pixels

@@ -6,7 +6,7 @@ import pathlib
 import tempfile
 import unittest
 
-from exr_header import metadata_of
+from exr import metadata_of
 from farm import Farm, run, wait_until
 from farm_test import SceneTest
 

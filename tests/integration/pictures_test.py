@@ -8,14 +8,11 @@ import re
 import shutil
 import statistics
 import subprocess
-import sys
 import tempfile
 import unittest
 
+import exr
 from farm import Farm, make_scene, run
-
-sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "cross_check"))
-import exr  # noqa: E402
 
 SETTINGS = ["--size", "96x64", "--spp", "16", "--seed", "3"]
 

@@ -27,6 +27,9 @@ class Rule(NamedTuple):
 
 
 PROTO = r"lumifold/v1/|proto/|google/protobuf|grpc"
+IMPURE = (r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono)>|absl/synchronization/"
+          r"|absl/time/clock\.h")
+FILES = r"|<(fstream|filesystem)>"
 RULES = [
     Rule("filter/", PROTO + r"|embree", "the filter knows neither wire formats nor the ray tracer"),
     Rule("filter/baselines/", r"filter/(denoise|edges)/", "baselines stand on image and layers"),
@@ -36,18 +39,11 @@ RULES = [
     Rule("worker/plan/", PROTO + r"|embree[34]/|filter/(?!image/)",
          "a plan knows the renderer and its scene alone"),
     Rule("worker/scene/", PROTO, "scenes know no wire formats"),
-    Rule(
-        "server/scheduler/",
-        r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono)>|absl/synchronization/"
-        r"|absl/time/clock\.h", "the scheduler is pure state: no threads, no clock; time is an argument"),
-    Rule(
-        "client/autoscale/policy/",
-        r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono|fstream|filesystem)>"
-        r"|absl/synchronization/|absl/time/clock\.h",
-        "the autoscaler's policy is pure: no threads, no clock, no files"),
-    Rule(
-        "server/job/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono|fstream|filesystem)>"
-        r"|absl/synchronization/|absl/time/clock\.h", "jobs are pure state: no threads, no clock, no files"),
+    Rule("server/scheduler/", IMPURE, "the scheduler is pure state: no threads, no clock; time is an argument"),
+    Rule("client/autoscale/policy/", IMPURE + FILES,
+         "the autoscaler's policy is pure: no threads, no clock, no files"),
+    Rule("proto/retry/", IMPURE, "pauses are pure: no threads, no clock; the caller waits"),
+    Rule("server/job/", IMPURE + FILES, "jobs are pure state: no threads, no clock, no files"),
     Rule("server/services/", r"server/coordinator/", "services see a coordinator as its roles",
          r"server/coordinator/roles\.h"),
     Rule("server/access/", r"server/(?!access/|ledger/)", "access control knows no jobs"),

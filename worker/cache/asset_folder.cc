@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <string_view>
@@ -19,6 +18,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
+#include "filter/image/file_calls.h"
 #include "proto/logging/fields.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/sha256.h"
@@ -32,10 +32,6 @@ constexpr absl::string_view kPartial = ".partial";
 /// A write that takes longer was interrupted.
 constexpr std::chrono::hours kLongestWrite(1);
 
-absl::Status SystemError(const std::string& path, int error) {
-  return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(error)));
-}
-
 struct StoredAsset {
   fs::path path;
   uint64_t bytes = 0;
@@ -47,12 +43,12 @@ struct StoredAsset {
 absl::Status MakeAssetFolder(const std::string& path, uid_t owner) {
   constexpr mode_t kOwnerOnly = 0700;
   const bool is_new = mkdir(path.c_str(), kOwnerOnly) == 0;
-  if (!is_new && errno != EEXIST) return SystemError(path, errno);
+  if (!is_new && errno != EEXIST) return StorageError(path, errno);
   // A folder that was there is never given away.
   if (is_new && owner != geteuid() && chown(path.c_str(), owner, static_cast<gid_t>(-1)) != 0)
-    return SystemError(path, errno);
+    return StorageError(path, errno);
   struct stat info = {};
-  if (lstat(path.c_str(), &info) != 0) return SystemError(path, errno);
+  if (lstat(path.c_str(), &info) != 0) return StorageError(path, errno);
   if (!S_ISDIR(info.st_mode)) return absl::FailedPreconditionError(absl::StrCat(path, " is not a folder"));
   if (info.st_uid != owner)
     return absl::FailedPreconditionError(absl::StrCat(path, " belongs to another user"));
@@ -97,13 +93,13 @@ absl::Status AssetFolder::Write(const std::string& name, const std::string& cont
   const std::string partial = absl::StrCat(path, ".", getpid(), kPartial);
   FileSystem& files = *options_.files;
   const rpc::FileHandle file(files.Open(partial, O_WRONLY | O_CREAT | O_TRUNC));
-  if (file.get() < 0) return SystemError(partial, -file.get());
+  if (file.get() < 0) return StorageError(partial, file.get());
   const std::string_view pieces[] = {content};
   int result = files.Write(file.get(), 0, pieces);
   if (result >= 0) result = files.Rename(partial, path);
   if (result >= 0) return absl::OkStatus();
   files.Remove(partial);
-  return SystemError(path, -result);
+  return StorageError(path, result);
 }
 
 void AssetFolder::MakeRoom(uint64_t bytes) {

@@ -17,7 +17,6 @@
 #include "proto/monitoring/endpoint.h"
 #include "proto/monitoring/process.h"
 #include "proto/rpc/monotonic.h"
-#include "proto/rpc/reconnect_schedule.h"
 #include "proto/rpc/retry.h"
 #include "proto/rpc/status_codec.h"
 #include "proto/rpc/version.h"

@@ -13,12 +13,12 @@ absl::Duration Route::Leave(bool was_steady) {
     sent_to_.clear();
     tried_ = 0;
     // It may be sent there again and again.
-    return was_steady ? absl::ZeroDuration() : schedule_.NextPause();
+    return was_steady ? absl::ZeroDuration() : schedule_.Next();
   }
   index_ = (index_ + 1) % endpoints_.size();
   if (++tried_ < endpoints_.size()) return absl::ZeroDuration();
   tried_ = 0;
-  return schedule_.NextPause();
+  return schedule_.Next();
 }
 
 void Route::MoveTo(std::string address) {

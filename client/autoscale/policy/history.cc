@@ -1,7 +1,6 @@
 #include "client/autoscale/policy/history.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "absl/strings/str_cat.h"
 
@@ -47,7 +46,7 @@ void Backoff::Fail(absl::Time now, const std::string& reason) {
 
 absl::Time Backoff::NextTry(const Tuning& tuning) const {
   if (failures == 0) return absl::InfinitePast();
-  return last + std::min(tuning.longest_pause, tuning.first_pause * std::exp2(std::min(failures - 1, 30)));
+  return last + tuning.pauses.After(failures);
 }
 
 double History::UsedCoreSeconds() const {

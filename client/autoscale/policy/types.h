@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/time/time.h"
+#include "proto/retry/pauses.h"
 
 /// What the autoscaler's policy sees and decides. A *request* is one worker asked of the engine: a Slurm job.
 /// Times are wall clock times, because the engine's records have those.
@@ -73,8 +74,7 @@ struct Tuning {
   /// for longer ones.
   absl::Duration idle = absl::Minutes(2);
   /// Pauses after a refusal or a death at start: the first, doubled with each, up to the longest.
-  absl::Duration first_pause = absl::Seconds(10);
-  absl::Duration longest_pause = absl::Minutes(10);
+  retry::Pauses pauses = {.first = absl::Seconds(10), .longest = absl::Minutes(10)};
   /// Who ends by itself within this time has died at its start.
   absl::Duration start_time = absl::Seconds(30);
   /// A request that runs and has no connected worker for so long is released, as one that died at its start.

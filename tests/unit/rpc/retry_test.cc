@@ -75,7 +75,7 @@ TEST_F(RetryTest, BeginsNoTryAfterTheTotalTimeout) {
   policy_.total_timeout = absl::Seconds(20);
   EXPECT_FALSE(Call(Idempotency::kIdempotent, {absl::UnavailableError("lost")}).ok());
   EXPECT_LE(now_, absl::FromUnixSeconds(1'000'020));
-  for (const absl::Duration pause : pauses_) EXPECT_LE(pause, policy_.max_pause);
+  for (const absl::Duration pause : pauses_) EXPECT_LE(pause, policy_.pauses.longest);
 }
 
 TEST_F(RetryTest, EachTryHasADeadlineOfItsOwn) {

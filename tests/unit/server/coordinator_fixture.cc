@@ -178,8 +178,8 @@ absl::Status CoordinatorFixture::Start() {
   options_.wall_now = [] { return absl::Now(); };
   options_.random = [this] { return std::hash<std::string>()(folder_.path()) + ++random_; };
   options_.log = std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::ostream_sink_mt>(log_));
-  options_.first_storage_pause = absl::Milliseconds(1);
-  options_.longest_storage_pause = absl::Milliseconds(2);
+  options_.storage_pauses.first = absl::Milliseconds(1);
+  options_.storage_pauses.longest = absl::Milliseconds(2);
   absl::StatusOr<std::unique_ptr<Coordinator>> coordinator =
       Coordinator::Create(options_, data_, store_.get(), assets_.get(), finisher_.get());
   if (!coordinator.ok()) return coordinator.status();

@@ -93,7 +93,7 @@ TEST_F(HealthTest, IsNotServingWhileTheStorageCannotBeWritten) {
   FaultyFiles files;
   ServerOptions options = Options();
   options.files = &files;
-  options.first_storage_pause = absl::Milliseconds(10);
+  options.storage_pauses.first = absl::Milliseconds(10);
   StartServer(options);
   const v1::JobSpec spec = Spec();
   GenericStream farm(Channel(), kWatch, StringField(1, "lumifold.v1.FarmService"));
@@ -112,7 +112,7 @@ TEST_F(HealthTest, TheCommandTellsServingFromAnsweringFromNothing) {
   FaultyFiles files;
   ServerOptions options = Options();
   options.files = &files;
-  options.longest_storage_pause = absl::Milliseconds(10);
+  options.storage_pauses.longest = absl::Milliseconds(10);
   StartServer(options);
   HealthCheckOptions check{.address = absl::StrCat("127.0.0.1:", server_->port())};
   HealthCheckOptions answers = check;

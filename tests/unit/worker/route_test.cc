@@ -14,7 +14,7 @@ Route Of(std::vector<std::string> endpoints) {
 TEST(Route, PausesOnceAllHaveBeenTried) {
   Route route = Of({"a:1", "b:1", "c:1"});
   EXPECT_FALSE(route.IsOnly());
-  for (const absl::Duration pause : {rpc::kFirstReconnectPause, 2 * rpc::kFirstReconnectPause}) {
+  for (const absl::Duration pause : {rpc::kReconnectPauses.first, 2 * rpc::kReconnectPauses.first}) {
     EXPECT_EQ(route.current(), "a:1");
     EXPECT_EQ(route.Leave(!kSteady), absl::ZeroDuration());
     EXPECT_EQ(route.current(), "b:1");
@@ -29,15 +29,15 @@ TEST(Route, GoesOnAtOnceFromOneThatWasSteady) {
   for (int i = 0; i < 4; ++i) route.Leave(!kSteady);
   EXPECT_EQ(route.Leave(kSteady), absl::ZeroDuration());
   EXPECT_EQ(route.current(), "b:1");
-  EXPECT_EQ(route.Leave(!kSteady), rpc::kFirstReconnectPause) << "the schedule has begun again";
+  EXPECT_EQ(route.Leave(!kSteady), rpc::kReconnectPauses.first) << "the schedule has begun again";
 }
 
 TEST(Route, TheOnlyOneIsTriedAfterEachPause) {
   Route route = Of({"a:1"});
   EXPECT_TRUE(route.IsOnly());
-  EXPECT_EQ(route.Leave(!kSteady), rpc::kFirstReconnectPause);
-  EXPECT_EQ(route.Leave(!kSteady), 2 * rpc::kFirstReconnectPause);
-  EXPECT_EQ(route.Leave(kSteady), rpc::kFirstReconnectPause);
+  EXPECT_EQ(route.Leave(!kSteady), rpc::kReconnectPauses.first);
+  EXPECT_EQ(route.Leave(!kSteady), 2 * rpc::kReconnectPauses.first);
+  EXPECT_EQ(route.Leave(kSteady), rpc::kReconnectPauses.first);
   EXPECT_EQ(route.current(), "a:1");
 }
 
@@ -59,7 +59,7 @@ TEST(Route, PausesWhenItIsSentToNowhereAgainAndAgain) {
   for (int i = 0; i < 3; ++i) {
     route.MoveTo("x:1");
     EXPECT_FALSE(route.IsOnly());
-    EXPECT_EQ(route.Leave(!kSteady), (1 << i) * rpc::kFirstReconnectPause);
+    EXPECT_EQ(route.Leave(!kSteady), (1 << i) * rpc::kReconnectPauses.first);
   }
 }
 

@@ -1,11 +1,11 @@
-#include "client/autoscale/run_command.h"
+#include "proto/subprocess/run_command.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cstdlib>
 
-namespace lumifold::autoscale {
+namespace lumifold::subprocess {
 namespace {
 
 using testing::HasSubstr;
@@ -55,4 +55,4 @@ TEST(RunCommand, StopsAtTooMuchOutput) {
 }
 
 }  // namespace
-}  // namespace lumifold::autoscale
+}  // namespace lumifold::subprocess

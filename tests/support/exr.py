@@ -5,6 +5,8 @@ import pathlib
 import struct
 import zlib
 
+MAGIC = b"\x76\x2f\x31\x01"
+HEADER_BEGIN = 8  # after the magic bytes and the version
 HALF, FLOAT = 1, 2
 LINES_A_BLOCK = {0: 1, 2: 1, 3: 16}  # no compression, ZIPS, ZIP
 
@@ -21,16 +23,17 @@ class Picture:
 
 
 def read(path):
-    data = pathlib.Path(path).read_bytes()
-    magic, version = struct.unpack_from("<II", data)
-    if magic != 20000630 or version & ~0x4FF:
+    data = read_bytes(path)
+    (version,) = struct.unpack_from("<I", data, len(MAGIC))
+    if version & ~0x4FF:
         raise ValueError(f"{path}: not a plain OpenEXR file")
-    attributes, at = read_header(data, 8)
-    kinds = read_channel_list(attributes["channels"])
-    compression = attributes["compression"][0]
+    attributes, at = read_header(data)
+    values = {name: value for name, (_, value) in attributes.items()}
+    kinds = read_channel_list(values["channels"])
+    compression = values["compression"][0]
     if compression not in LINES_A_BLOCK:
         raise ValueError(f"{path}: compression {compression} is not supported")
-    x0, y0, x1, y1 = struct.unpack("<4i", attributes["dataWindow"])
+    x0, y0, x1, y1 = struct.unpack("<4i", values["dataWindow"])
     width, height = x1 - x0 + 1, y1 - y0 + 1
     channels = {name: array.array("f") for name, _ in kinds}
     blocks = -(-height // LINES_A_BLOCK[compression])
@@ -42,14 +45,27 @@ def read(path):
     return Picture(width, height, channels)
 
 
-def read_header(data, at):
-    """The attributes' bytes by name, and where the header ends."""
-    attributes = {}
+def metadata_of(path):
+    """The attributes of type string, by name; of a file of several parts, those of the first."""
+    attributes, _ = read_header(read_bytes(path))
+    return {name: value.decode() for name, (kind, value) in attributes.items() if kind == "string"}
+
+
+def read_bytes(path):
+    data = pathlib.Path(path).read_bytes()
+    if not data.startswith(MAGIC):
+        raise ValueError(f"{path}: not an OpenEXR file")
+    return data
+
+
+def read_header(data):
+    """The attributes' types and bytes by name, and where the header ends."""
+    attributes, at = {}, HEADER_BEGIN
     while data[at]:
         name, at = read_text(data, at)
-        _, at = read_text(data, at)
+        kind, at = read_text(data, at)
         (size,) = struct.unpack_from("<I", data, at)
-        attributes[name] = data[at + 4 : at + 4 + size]
+        attributes[name] = (kind, data[at + 4 : at + 4 + size])
         at += 4 + size
     return attributes, at + 1
 

@@ -6,7 +6,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 
-namespace lumifold::autoscale {
+namespace lumifold::subprocess {
 
 struct CommandResult {
   int exit_code = 0;
@@ -14,12 +14,11 @@ struct CommandResult {
   std::string err;
 };
 
-/// Runs a program to its end, without a shell and without standard input. `environment` is put before that of
-/// this process; "NAME" without "=" takes a variable out of it, and "NAME*" all that begin so. A program that
-/// takes longer is killed with its children.
+/// Runs a program to its end, without a shell and without standard input. `environment`: as that of
+/// ChildOptions. A program that takes longer is killed with its children.
 /// Errors: kUnavailable when it cannot be started, takes longer than `timeout`, prints more than 64 MiB, or
 /// is killed by a signal. All name the program.
 absl::StatusOr<CommandResult> RunCommand(const std::vector<std::string>& arguments,
                                          const std::vector<std::string>& environment, absl::Duration timeout);
 
-}  // namespace lumifold::autoscale
+}  // namespace lumifold::subprocess

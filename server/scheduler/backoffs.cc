@@ -16,8 +16,16 @@ absl::Duration Backoffs::LengthAfter(int failures) const {
 }
 
 void Backoffs::Begin(const UnitIndex& unit, absl::Time end) {
+  End(unit);
   by_end_.emplace(end, unit);
-  by_unit_[unit] = end;
+  by_unit_.emplace(unit, end);
+}
+
+void Backoffs::End(const UnitIndex& unit) {
+  const auto pause = by_unit_.find(unit);
+  if (pause == by_unit_.end()) return;
+  by_end_.erase({pause->second, unit});
+  by_unit_.erase(pause);
 }
 
 bool Backoffs::IsPaused(const UnitIndex& unit) const { return by_unit_.contains(unit); }

@@ -29,8 +29,10 @@ class Backoffs {
   /// The pause after the last of `failures` failures of a unit: the first one, doubled by each further
   /// failure, and no longer than the longest.
   absl::Duration LengthAfter(int failures) const;
-  /// The unit pauses until `end`.
+  /// The unit pauses until `end`, and no longer until an earlier one.
   void Begin(const UnitIndex& unit, absl::Time end);
+  /// The unit, if it pauses, does so no more.
+  void End(const UnitIndex& unit);
   bool IsPaused(const UnitIndex& unit) const;
   /// Ends the pauses whose end is not after `now`; the units in the order of these ends.
   std::vector<UnitIndex> TakeEnded(absl::Time now);

@@ -67,6 +67,7 @@ void Units::OnAccepted(const Lease& lease, absl::Time now) {
   });
   CountTime(lease, now);
   state_->health.AttributeFailures(lease.unit, lease.worker, now);
+  state_->backoffs.End(lease.unit);
   RevokeOtherLeases(lease.unit);
 }
 
@@ -144,8 +145,7 @@ void Units::ReturnAfter(const UnitIndex& unit, absl::Duration pause, absl::Time 
 
 void Units::EndPauses(absl::Time now) {
   for (const UnitIndex& unit : state_->backoffs.TakeEnded(now)) {
-    if (!state_->jobs.Get(unit.job).frames.HasResult(unit.place) && leasing_->MayReturn(unit))
-      leasing_->Return(unit);
+    if (leasing_->MayReturn(unit)) leasing_->Return(unit);
   }
 }
 

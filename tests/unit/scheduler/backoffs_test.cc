@@ -39,6 +39,24 @@ TEST_F(BackoffsTest, AUnitPausesUntilTheEndAndNoLonger) {
   EXPECT_EQ(backoffs_.NextEnd(), absl::InfiniteFuture());
 }
 
+TEST_F(BackoffsTest, ALaterFailurePutsTheEndOff) {
+  backoffs_.Begin(kUnit, kNow + absl::Seconds(1));
+  backoffs_.Begin(kUnit, kNow + absl::Seconds(2));
+  EXPECT_EQ(backoffs_.CountOf(7), 1);
+  EXPECT_THAT(backoffs_.TakeEnded(kNow + absl::Seconds(1)), IsEmpty());
+  EXPECT_THAT(backoffs_.TakeEnded(kNow + absl::Seconds(2)), ElementsAre(kUnit));
+}
+
+TEST_F(BackoffsTest, AUnitThatIsRenderedPausesNoMore) {
+  backoffs_.Begin(kUnit, kNow);
+  backoffs_.Begin(kLater, kNow);
+  backoffs_.End(kUnit);
+  backoffs_.End(kOfOther);  // does not pause
+  EXPECT_FALSE(backoffs_.IsPaused(kUnit));
+  EXPECT_FALSE(backoffs_.LongestOf(7)->place == kUnit.place);
+  EXPECT_THAT(backoffs_.TakeEnded(kNow), ElementsAre(kLater));
+}
+
 TEST_F(BackoffsTest, PausesEndInTheOrderOfTheirEnds) {
   backoffs_.Begin(kUnit, kNow + absl::Seconds(2));
   backoffs_.Begin(kOfOther, kNow + absl::Seconds(1));

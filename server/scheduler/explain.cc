@@ -128,7 +128,7 @@ void ExplainOverdue(const State& state, const Job& job, absl::Time now, std::vec
       {"overdue", absl::StrCat(job::Describe(state.jobs.RefOf(slowest->unit)), " has been leased to worker ",
                                state.workers.Find(slowest->worker)->traits.name, " for ",
                                Seconds(now - slowest->granted), "; the mean of the job is ",
-                               Seconds(*state.second_leases.MeanOf(state.KindOf(slowest->unit))))});
+                               Seconds(state.second_leases.KnownMeanOf(state.KindOf(slowest->unit))))});
 }
 
 }  // namespace

@@ -29,18 +29,22 @@ bool Frames::SetRounds(const JobId& id, int32_t frame_number, std::shared_ptr<co
   return UpdateCommitted(*job, *frame);
 }
 
-std::shared_ptr<const FrameRounds> Frames::RoundsOf(const JobId& id, int32_t frame_number) const {
+const FrameState* Frames::Find(const JobId& id, int32_t frame) const {
   const Job* job = state_->jobs.Find(id);
   if (job == nullptr) return nullptr;
-  const std::optional<int> index = job->units.frames().IndexOf(frame_number);
-  const FrameState* frame = index.has_value() ? job->frames.Find(*index) : nullptr;
+  const std::optional<int> index = job->units.frames().IndexOf(frame);
+  return index.has_value() ? job->frames.Find(*index) : nullptr;
+}
+
+std::shared_ptr<const FrameRounds> Frames::RoundsOf(const JobId& id, int32_t frame_number) const {
+  const FrameState* frame = Find(id, frame_number);
   return frame == nullptr ? nullptr : frame->rounds;
 }
 
 int Frames::CommittedRounds(const JobId& id, int32_t frame_number) const {
-  if (RoundsOf(id, frame_number) == nullptr) return 0;
-  const Job& job = state_->jobs.Get(id);
-  const std::vector<int64_t>& left = job.frames.Find(*job.units.frames().IndexOf(frame_number))->left;
+  const FrameState* frame = Find(id, frame_number);
+  if (frame == nullptr || frame->rounds == nullptr) return 0;
+  const std::vector<int64_t>& left = frame->left;
   const auto first = std::find_if(left.begin(), left.end(), [](int64_t units) { return units > 0; });
   return std::max(0, static_cast<int>(first - left.begin()) - 1);
 }
@@ -64,13 +68,13 @@ std::vector<std::pair<JobId, int32_t>> Frames::TakeSettled() { return std::excha
 bool Frames::Finish(const JobId& id, int32_t frame_number) {
   Job* job = state_->jobs.Find(id);
   if (job == nullptr) return false;
-  const int index = job->units.frames().IndexOf(frame_number).value();
-  const FrameState* frame = job->frames.Find(index);
-  if (frame == nullptr || !JobFrames::IsComplete(*frame, job->units) ||
-      state_->audits.HasOpen(job->number, index))
+  const std::optional<int> index = job->units.frames().IndexOf(frame_number);
+  const FrameState* frame = index.has_value() ? job->frames.Find(*index) : nullptr;
+  if (!index.has_value() || frame == nullptr || !JobFrames::IsComplete(*frame, job->units) ||
+      state_->audits.HasOpen(job->number, *index))
     return false;
   ReleaseDeliverers(*frame);
-  job->frames.Finish(index);
+  job->frames.Finish(*index);
   if (!job->paused) state_->ready.CountFrames(job->number, -1);
   return job->frames.finished_count() == job->units.frames().count();
 }

@@ -68,6 +68,8 @@ class Frames {
   void OnAuditEnded(Job& job, int frame);
 
  private:
+  /// Null for an unknown job, and for a frame that is not active.
+  const FrameState* Find(const job::JobId& job, int32_t frame) const;
   void ReleaseDeliverers(const FrameState& frame);
 
   State* const state_;

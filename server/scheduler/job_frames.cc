@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <optional>
 #include <utility>
 
 #include "filter/image/check.h"
@@ -69,9 +70,10 @@ std::vector<Place> JobFrames::SetRounds(int frame, std::shared_ptr<const FrameRo
     int64_t& left = state.left.emplace_back(0);
     for (int32_t rank = 0; rank < tiles.count(); ++rank) {
       const UnitKey key = {units.frames().NumberOf(frame), tiles.TileOfRank(rank), round, v1::UNIT_KIND_PASS};
-      if (!state.rounds->Has(key)) continue;
+      const std::optional<int64_t> number = units.of_frame().NumberOf(key);
+      if (!number.has_value() || !state.rounds->Has(key)) continue;
       ++left;
-      added.push_back({frame, *units.of_frame().NumberOf(key)});
+      added.push_back({frame, *number});
     }
   }
   return added;

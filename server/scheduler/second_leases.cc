@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <iterator>
 
+#include "filter/image/check.h"
+
 namespace lumifold::scheduler {
 
 using job::Attempt;
@@ -45,6 +47,12 @@ std::optional<absl::Duration> SecondLeases::MeanOf(const Kind& kind) const {
   return times.count < kMinTimedUnits ? std::nullopt : std::optional(times.sum / times.count);
 }
 
+absl::Duration SecondLeases::KnownMeanOf(const Kind& kind) const {
+  const std::optional<absl::Duration> mean = MeanOf(kind);
+  LUMIFOLD_CHECK(mean.has_value());
+  return *mean;
+}
+
 void SecondLeases::Rate(absl::Duration time, absl::Duration mean, Worker* worker) {
   worker->rated = std::min(worker->rated + 1, kRatedUnits);
   worker->slowness += (absl::FDivDuration(time, mean) - worker->slowness) / worker->rated;
@@ -76,7 +84,7 @@ bool SecondLeases::MarkLate(const Kind& kind, double slowness, absl::Time now, L
   lease->is_late = lease->check <= now;
   if (!lease->is_late) return false;
   // A unit that takes long already is expected to take as long again, as long times are spread.
-  const absl::Duration usual = slowness * *MeanOf(kind);
+  const absl::Duration usual = slowness * KnownMeanOf(kind);
   lease->expected_end = lease->granted + std::max(usual, 2 * (now - lease->granted));
   lease->check = OverdueTime(kind, lease->granted);
   return true;
@@ -91,7 +99,7 @@ bool SecondLeases::MarkOverdue(const Kind& kind, absl::Time now, Lease* lease) c
 }
 
 bool SecondLeases::IsWorthwhile(const Lease& late, const Kind& kind, double slowness, absl::Time now) const {
-  const absl::Duration expected = slowness * *MeanOf(kind);
+  const absl::Duration expected = slowness * KnownMeanOf(kind);
   const absl::Duration held = now - late.granted;
   return now + expected < std::max(late.expected_end, now + held / 2);
 }

@@ -44,6 +44,8 @@ class SecondLeases {
   bool CountTime(const Kind& kind, absl::Duration time);
   /// Mean of the accepted units of a kind; nullopt if they are too few to tell.
   std::optional<absl::Duration> MeanOf(const Kind& kind) const;
+  /// The same of a kind of which a lease is late or overdue.
+  absl::Duration KnownMeanOf(const Kind& kind) const;
   /// Relates the worker's time for a unit to the mean of its kind.
   static void Rate(absl::Duration time, absl::Duration mean, Worker* worker);
 

@@ -26,9 +26,10 @@ bool Units::HoldsLease(WorkerId worker, const UnitRef& unit, Attempt attempt) co
 }
 
 TileSamples Units::SamplesOf(const UnitRef& unit) const {
-  const UnitIndex index = state_->jobs.IndexOf(unit).value();
-  const Job& job = state_->jobs.Get(index.job);
-  return job.frames.SamplesOf(index.place, job.units);
+  const std::optional<UnitIndex> index = state_->jobs.IndexOf(unit);
+  LUMIFOLD_CHECK(index.has_value());
+  const Job& job = state_->jobs.Get(index->job);
+  return job.frames.SamplesOf(index->place, job.units);
 }
 
 Completion Units::Complete(WorkerId worker, const UnitRef& unit, Attempt attempt, absl::Time now,

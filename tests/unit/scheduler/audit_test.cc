@@ -126,7 +126,7 @@ TEST_F(AuditTest, AThirdWorkerDecidesAndTheFaultyOneLosesAllItsUnits) {
   EXPECT_EQ(scheduler_.workers().Describe(kAnn)->state, v1::WORKER_STATE_BLOCKED);
   EXPECT_THAT(scheduler_.frames().Committed(kJob), IsEmpty()) << "until the units are revoked";
   for (const UnitRef& unit : faulty[0].units) EXPECT_TRUE(scheduler_.units().Revoke(unit));
-  EXPECT_EQ(scheduler_.units().TakeRevoked().size(), audited - 1) << "audits of revoked units are void";
+  EXPECT_EQ(scheduler_.units().TakeRevoked().size(), audited - 1) << "audits of revoked units end";
   const auto again = scheduler_.GrantLeases(now_);
   EXPECT_EQ(again.size(), 12u);
   for (const GrantedLease& lease : again) {

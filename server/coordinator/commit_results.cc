@@ -61,14 +61,14 @@ void CommitResults::OnUnitsDiscarded(const FrameKey& frame, const std::vector<jo
   FarmState::Change farm(state_);
   if (farm->jobs.FindActive(job) == nullptr) return;
   if (!lost.ok()) return farm->FailJob(job, std::string(lost.status().message()));
-  if (const auto rounds = farm->scheduler.RoundsOf(job, number);
+  if (const auto rounds = farm->scheduler.frames().RoundsOf(job, number);
       rounds != nullptr && rounds->estimated() > 1) {
     // Where its later samples went was decided by wrong pixels.
     return farm->FailJob(
         job, absl::StrCat("frame ", number,
                           ": a worker delivered wrong pixels, and samples went by them; retry it"));
   }
-  for (const job::UnitKey& unit : units) farm->scheduler.RevokeUnit({job, unit});
+  for (const job::UnitKey& unit : units) farm->scheduler.units().Revoke({job, unit});
   farm->RevokeUnits(job, *lost);
   farm->frames.MarkStale(frame);
   resources_->log().warn("event=units_discarded job={} frame={} units={}", job.value(), number, lost->size());

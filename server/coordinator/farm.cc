@@ -29,7 +29,7 @@ Farm::Farm(const Resources* resources, FarmEffects* effects)
 
 void Farm::StartJob(ledger::JobRecord record, const std::vector<Prerequisite>& after) {
   const JobId id = record.id;
-  scheduler.AddJob(id, record.spec, scheduler::OptionsOf(record.scheduling));
+  scheduler.jobs().Add(id, record.spec, scheduler::OptionsOf(record.scheduling));
   resources_->log().info("event=job_submitted job={} scene={} size={}x{} spp={} frames={}", id.value(),
                          logging::Quoted(record.spec.scene().display_name()), record.spec.width(),
                          record.spec.height(), record.spec.samples_per_pixel(),
@@ -48,19 +48,19 @@ void Farm::EnterJob(const LoadedJob& loaded) {
   const std::string& planned_class = loaded.record.spec.plan().numeric_class();
   if (!planned_class.empty()) options.numeric_class = planned_class;
   if (!loaded.record.numeric_class.empty()) options.numeric_class = loaded.record.numeric_class;
-  scheduler.AddJob(id, loaded.record.spec, options);
+  scheduler.jobs().Add(id, loaded.record.spec, options);
   LimitFramesFor(id);
-  for (const int32_t frame : loaded.finished) scheduler.RestoreFinishedFrame(id, frame);
+  for (const int32_t frame : loaded.finished) scheduler.frames().RestoreFinished(id, frame);
   for (const auto& [frame, rounds] : loaded.rounds) {
     v1::StageTimes& times = active->record.times;  // the ledger has those of finished frames
     times.set_render_seconds(std::max(times.render_seconds(), rounds->rendered_seconds()));
-    scheduler.SetRounds(id, frame, rounds);
+    scheduler.frames().SetRounds(id, frame, rounds);
   }
   for (const scheduler::RestoredUnit& unit : loaded.units)
-    scheduler.RestoreCommittedUnit(id, unit, resources_->options.now());
-  for (const int32_t frame : scheduler.CommittedFrames(id)) QueueDue({id, frame});
+    scheduler.units().Restore(id, unit, resources_->options.now());
+  for (const int32_t frame : scheduler.frames().Committed(id)) QueueDue({id, frame});
   for (const auto& [frame, rounds] : loaded.rounds) QueueDue({id, frame});
-  const scheduler::JobProgress progress = scheduler.Progress(id);
+  const scheduler::JobProgress progress = scheduler.jobs().Progress(id);
   resources_->log().info("event=job_restored job={} units={}/{} frames={}/{}", id.value(),
                          progress.units_done, progress.units_total, progress.frames_done,
                          progress.frames_total);
@@ -77,8 +77,8 @@ void Farm::EndJob(const JobId& job, v1::JobState state, const std::string& cause
   if (!active.has_value()) return;
   const std::string error = rpc::BoundedLine(cause, rpc::kMaxErrorBytes);
   EndingJob ending{.record = std::move(active->record), .shown = {}, .cancels = {}};
-  if (scheduler.HasJob(job)) {
-    const scheduler::JobProgress progress = scheduler.Progress(job);
+  if (scheduler.jobs().Has(job)) {
+    const scheduler::JobProgress progress = scheduler.jobs().Progress(job);
     ending.shown = StatusOfActiveJob(ending.record, progress);
     // All frames may be finished, but the job is done when that is recorded.
     if (job::HasEnded(ending.shown.state())) ending.shown.set_state(v1::JOB_STATE_FILTERING);
@@ -110,7 +110,7 @@ void Farm::SuspendJob(const JobId& job, v1::JobStatus shown) {
 }
 
 void Farm::StopRendering(const JobId& job) {
-  scheduler.EndJob(job);
+  scheduler.jobs().End(job);
   frames.ForgetJob(job);
   effects_->CancelFinishing(job);
   workers.SendJobEnded(job);
@@ -147,9 +147,9 @@ void Farm::UpdatePause(const JobId& job) {
   const ActiveJob* const active = jobs.FindActive(job);
   if (active == nullptr) return;
   if (active->record.scheduling.paused() || dependencies.IsWaiting(job) || active->wanted_asset.has_value()) {
-    scheduler.PauseJob(job);
+    scheduler.jobs().Pause(job);
   } else {
-    scheduler.ResumeJob(job);
+    scheduler.jobs().Resume(job);
   }
 }
 
@@ -164,7 +164,7 @@ void Farm::OnAssetFound(const std::string& sha256) {
 
 std::optional<v1::JobStatus> Farm::StatusOf(const JobId& job) const {
   if (const ActiveJob* const active = jobs.FindActive(job); active != nullptr) {
-    v1::JobStatus status = StatusOfActiveJob(active->record, scheduler.Progress(job));
+    v1::JobStatus status = StatusOfActiveJob(active->record, scheduler.jobs().Progress(job));
     if (dependencies.IsWaiting(job)) status.set_state(v1::JOB_STATE_SUBMITTED);
     status.set_coordinator(address);
     if (active->predicted_error.has_value() && !status.has_estimated_error())
@@ -179,46 +179,49 @@ std::optional<v1::JobStatus> Farm::StatusOf(const JobId& job) const {
 
 int64_t Farm::LeasesWanted(const JobId& job) const {
   const ActiveJob* const active = jobs.FindActive(job);
-  const bool may_run = active != nullptr && scheduler.HasJob(job) && !active->record.scheduling.paused() &&
-                       !dependencies.IsWaiting(job) && !active->wanted_asset.has_value();
+  const bool may_run = active != nullptr && scheduler.jobs().Has(job) &&
+                       !active->record.scheduling.paused() && !dependencies.IsWaiting(job) &&
+                       !active->wanted_asset.has_value();
   if (!may_run) return 0;
-  const scheduler::JobProgress progress = scheduler.Progress(job);
+  const scheduler::JobProgress progress = scheduler.jobs().Progress(job);
   const int64_t left = progress.units_total - progress.units_done;
   const int64_t limit = active->record.scheduling.max_leases();
   return limit > 0 ? std::min(left, limit) : left;
 }
 
 bool Farm::IsDue(const DueFrame& frame) const {
-  if (frame.round == DueFrame::kResult) return scheduler.IsFrameCommitted(frame.job, frame.number);
-  const std::shared_ptr<const job::FrameRounds> rounds = scheduler.RoundsOf(frame.job, frame.number);
+  if (frame.round == DueFrame::kResult) return scheduler.frames().IsCommitted(frame.job, frame.number);
+  const std::shared_ptr<const job::FrameRounds> rounds = scheduler.frames().RoundsOf(frame.job, frame.number);
   return rounds != nullptr && !rounds->is_final() && rounds->estimated() == frame.round &&
-         scheduler.CommittedRounds(frame.job, frame.number) > frame.round;
+         scheduler.frames().CommittedRounds(frame.job, frame.number) > frame.round;
 }
 
 void Farm::QueueDue(const FrameKey& key) {
   DueFrame frame = {.job = key.first, .number = key.second};
   if (!IsDue(frame)) {
-    const std::shared_ptr<const job::FrameRounds> rounds = scheduler.RoundsOf(frame.job, frame.number);
+    const std::shared_ptr<const job::FrameRounds> rounds =
+        scheduler.frames().RoundsOf(frame.job, frame.number);
     if (rounds == nullptr) return;
     frame.round = rounds->estimated();
     if (!IsDue(frame)) return;
   }
   if (const ActiveJob* const active = jobs.FindActive(frame.job); active != nullptr)
     frame.rendered = absl::Seconds(active->record.times.render_seconds());
-  frame.samples = scheduler.Progress(frame.job).samples_done;
+  frame.samples = scheduler.jobs().Progress(frame.job).samples_done;
   frames.Push(std::move(frame));
 }
 
 void Farm::LimitFrames(uint64_t free_disk_bytes) {
   frame_limit.Reset(free_disk_bytes);
   for (const auto& [job, active] : jobs.active()) {
-    if (scheduler.HasJob(job)) LimitFramesFor(job);
+    if (scheduler.jobs().Has(job)) LimitFramesFor(job);
   }
 }
 
 void Farm::LimitFramesFor(const JobId& job) {
-  frame_limit.Add(DemandOf(scheduler.SpecOf(job), scheduler.UnitsOf(job), jobs.FindActive(job)->unit_bytes));
-  scheduler.SetMaxActiveFrames(frame_limit.MaxActiveFrames());
+  frame_limit.Add(DemandOf(scheduler.jobs().SpecOf(job), scheduler.jobs().UnitsOf(job),
+                           jobs.FindActive(job)->unit_bytes));
+  scheduler.frames().SetMaxActive(frame_limit.MaxActiveFrames());
 }
 
 void Farm::CountCommitted(const AcceptedUnit& unit) {
@@ -243,7 +246,7 @@ void Farm::CountCommitted(const AcceptedUnit& unit) {
   resources_->log().debug("event=unit_committed unit={} worker={} seconds={:.3f}",
                           logging::Quoted(Describe(ref)), workers.NameOf(unit.worker),
                           unit.stored.stats.seconds());
-  if (scheduler.UnitCommitted(ref))
+  if (scheduler.units().Commit(ref))
     resources_->log().info("event=frame_committed job={} frame={}", ref.job.value(), ref.key.frame);
   QueueDue({ref.job, ref.key.frame});
   watchers.MarkChanged(ref.job);
@@ -251,7 +254,7 @@ void Farm::CountCommitted(const AcceptedUnit& unit) {
 
 void Farm::RevokeUnits(const JobId& job, const std::vector<ledger::UnitRecord>& units) {
   for (const ledger::UnitRecord& record : units) {
-    scheduler.RevokeUnit(record.unit);
+    scheduler.units().Revoke(record.unit);
     jobs.FindActive(job)->record.bad_samples -= record.bad_samples;
   }
   watchers.MarkChanged(job);

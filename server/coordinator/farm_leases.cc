@@ -39,7 +39,7 @@ v1::Lease ProtoFromLease(const scheduler::GrantedLease& lease) {
   return proto;
 }
 
-void AddVoid(const job::UnitRef& unit, job::Attempt attempt, v1::CoordinatorMessage* message) {
+void AddRevoked(const job::UnitRef& unit, job::Attempt attempt, v1::CoordinatorMessage* message) {
   v1::Lease* const lease = message->mutable_void_leases()->add_leases();
   *lease->mutable_unit() = ProtoFromUnit(unit);
   lease->set_attempt(attempt.value());
@@ -63,10 +63,10 @@ std::string_view EventOf(scheduler::Lateness lateness) {
 void Farm::Complete() {
   if (is_leasing()) {
     FollowAudits();
-    for (const scheduler::SetAsideWorker& aside : scheduler.TakeSetAside()) {
+    for (const scheduler::CoolingWorker& cooling : scheduler.workers().TakeCooling()) {
       resources_->log().warn(
-          "event=worker_set_aside worker={} seconds={:.0f} reason={}", workers.NameOf(aside.worker),
-          absl::ToDoubleSeconds(aside.until - resources_->options.now()), logging::Quoted(aside.reason));
+          "event=worker_set_aside worker={} seconds={:.0f} reason={}", workers.NameOf(cooling.worker),
+          absl::ToDoubleSeconds(cooling.until - resources_->options.now()), logging::Quoted(cooling.reason));
     }
     SendRevoked();
     if (resources_->storage.ok()) SendGrants(scheduler.GrantLeases(resources_->options.now()));
@@ -76,7 +76,7 @@ void Farm::Complete() {
 }
 
 void Farm::FollowAudits() {
-  for (const scheduler::FaultyWorker& faulty : scheduler.TakeFaulty()) {
+  for (const scheduler::FaultyWorker& faulty : scheduler.workers().TakeFaulty()) {
     std::map<FrameKey, std::vector<job::UnitKey>> units;
     for (const job::UnitRef& unit : faulty.units) units[{unit.job, unit.key.frame}].push_back(unit.key);
     for (const auto& [frame, keys] : units) effects_->DiscardUnits(frame, keys);
@@ -87,8 +87,8 @@ void Farm::FollowAudits() {
     // Last: after a crash in between, the audits that a restart begins again find the rest of its units.
     effects_->RecordBlock(faulty.name, faulty.reason);
   }
-  for (const auto& [job, frame] : scheduler.TakeSettledFrames()) {
-    if (!scheduler.IsFrameCommitted(job, frame)) continue;
+  for (const auto& [job, frame] : scheduler.frames().TakeSettled()) {
+    if (!scheduler.frames().IsCommitted(job, frame)) continue;
     resources_->log().info("event=frame_committed job={} frame={}", job.value(), frame);
     QueueDue({job, frame});
   }
@@ -96,9 +96,9 @@ void Farm::FollowAudits() {
 
 void Farm::SendRevoked() {
   std::map<WorkerId, v1::CoordinatorMessage> messages;
-  for (const scheduler::VoidedLease& lease : scheduler.TakeVoided()) {
+  for (const scheduler::RevokedLease& lease : scheduler.units().TakeRevoked()) {
     if (jobs.FindActive(lease.unit.job) == nullptr) continue;  // JobEnded says so
-    AddVoid(lease.unit, lease.attempt, &messages[lease.worker]);
+    AddRevoked(lease.unit, lease.attempt, &messages[lease.worker]);
   }
   for (const auto& [worker, message] : messages) {
     if (workers.Find(worker) == nullptr) continue;
@@ -145,7 +145,8 @@ void Farm::SendGrants(const std::vector<scheduler::GrantedLease>& leases) {
 void Farm::RegrantInHand() {
   if (!is_leasing()) return;
   in_hand.ForgetExpired(resources_->options.now());
-  for (const auto& [worker, units] : in_hand.Take([this](const JobId& job) { return scheduler.HasJob(job); }))
+  for (const auto& [worker, units] :
+       in_hand.Take([this](const JobId& job) { return scheduler.jobs().Has(job); }))
     RegrantTo(worker, units);
 }
 
@@ -162,7 +163,7 @@ void Farm::RegrantTo(WorkerId worker, const std::vector<UnitInHand>& units) {
   for (const scheduler::GrantedLease& lease : granted) leased.insert(lease.unit);
   v1::CoordinatorMessage message;
   for (const UnitInHand& unit : units) {
-    if (!leased.contains(unit.unit)) AddVoid(unit.unit, unit.attempt, &message);
+    if (!leased.contains(unit.unit)) AddRevoked(unit.unit, unit.attempt, &message);
   }
   if (message.has_void_leases()) workers.Send(worker, message);
 }
@@ -170,7 +171,7 @@ void Farm::RegrantTo(WorkerId worker, const std::vector<UnitInHand>& units) {
 void Farm::MoveWorker(WorkerId worker, const std::string& to, bool at_once) {
   resources_->log().info("event=worker_moved worker={} address={} at_once={}", workers.NameOf(worker),
                          logging::Quoted(to), at_once);
-  scheduler.DrainWorker(worker);
+  scheduler.workers().Drain(worker);
   v1::CoordinatorMessage message;
   message.mutable_move()->set_address(to);
   message.mutable_move()->set_at_once(at_once);

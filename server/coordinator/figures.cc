@@ -49,9 +49,9 @@ monitoring::FarmFigures FiguresOf(const Resources& resources, FarmState* state) 
   }
   figures.worker_slots = counts.slots;
   figures.workers = counts.workers;
-  figures.blocked_names = static_cast<int64_t>(farm->scheduler.Blocked().size());
+  figures.blocked_names = static_cast<int64_t>(farm->scheduler.workers().Blocked().size());
   for (const auto& [job, active] : farm->jobs.active())
-    ++figures.jobs[StateOfActiveJob(active.record, farm->scheduler.Progress(job))];
+    ++figures.jobs[StateOfActiveJob(active.record, farm->scheduler.jobs().Progress(job))];
   return figures;
 }
 

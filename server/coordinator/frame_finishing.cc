@@ -136,8 +136,8 @@ void FrameFinishing::OnRoundEstimated(const DueFrame& frame, const v1::FrameRepo
       frame.job.value(), frame.number, frame.round, rounds->count(), rounds->is_final(),
       rounds->predicted_error(), report.times().filter_seconds());
   if (rounds->predicted_error() >= 0) active->predicted_error = rounds->predicted_error();
-  farm->scheduler.SetRounds(frame.job, frame.number,
-                            std::make_shared<const job::FrameRounds>(*std::move(rounds)));
+  farm->scheduler.frames().SetRounds(frame.job, frame.number,
+                                     std::make_shared<const job::FrameRounds>(*std::move(rounds)));
   farm->QueueDue(frame.key());
   farm->watchers.MarkChanged(frame.job);
 }
@@ -168,7 +168,7 @@ void FrameFinishing::OnFrameRecorded(const DueFrame& frame, const v1::FrameRepor
   resources_->log().info("event=frame_finished job={} frame={} filter_seconds={:.3f}{}", job.value(),
                          frame.number, times.filter_seconds(), error);
   farm->watchers.MarkChanged(job);
-  if (farm->scheduler.FrameFinished(job, frame.number)) farm->EndJob(job, v1::JOB_STATE_DONE, "");
+  if (farm->scheduler.frames().Finish(job, frame.number)) farm->EndJob(job, v1::JOB_STATE_DONE, "");
 }
 
 }  // namespace lumifold::server

@@ -242,12 +242,12 @@ absl::StatusOr<v1::ServerStatus> JobQueries::GetServerStatus() {
   FarmState::View farm(state_);
   status.set_workers(static_cast<int32_t>(farm->workers.connected().size()));
   for (const auto& [id, worker] : farm->workers.connected()) status.set_slots(status.slots() + worker.slots);
-  status.set_leases(static_cast<int32_t>(farm->scheduler.lease_count()));
-  status.set_frames_in_flight(farm->scheduler.frames_in_flight());
+  status.set_leases(static_cast<int32_t>(farm->scheduler.units().lease_count()));
+  status.set_frames_in_flight(farm->scheduler.frames().in_flight());
   status.set_active_jobs(static_cast<int64_t>(farm->jobs.active().size()));
   DemandSum demand;
   for (const auto& [id, active] : farm->jobs.active())
-    demand.Add(active.record.scheduling, farm->scheduler.Progress(id));
+    demand.Add(active.record.scheduling, farm->scheduler.jobs().Progress(id));
   demand.AddTo(&status);
   return status;
 }

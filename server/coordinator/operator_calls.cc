@@ -64,13 +64,13 @@ v1::WorkerStatus GoneWorker(const std::string& name, const std::string& reason) 
 
 /// The first connected worker of this name, or one that is not connected.
 v1::WorkerStatus StatusOfName(const Farm& farm, const std::string& name, const std::string& reason) {
-  const std::vector<WorkerId> connected = farm.scheduler.WorkersNamed(name);
+  const std::vector<WorkerId> connected = farm.scheduler.workers().Named(name);
   if (connected.empty()) return GoneWorker(name, reason);
-  return StatusOf(farm, *farm.scheduler.DescribeWorker(connected.front()));
+  return StatusOf(farm, *farm.scheduler.workers().Describe(connected.front()));
 }
 
 std::string LogName(const Farm& farm, const std::string& name) {
-  const std::vector<WorkerId> connected = farm.scheduler.WorkersNamed(name);
+  const std::vector<WorkerId> connected = farm.scheduler.workers().Named(name);
   return connected.empty() ? absl::StrCat("-/", name) : farm.workers.NameOf(connected.front());
 }
 
@@ -79,19 +79,19 @@ absl::StatusOr<NamedWorkers> FindWorkers(const Farm& farm, const std::string& wo
     return absl::InvalidArgumentError(
         absl::StrCat("worker has ", worker.size(), " bytes, not 1 to ", rpc::kMaxWorkerNameBytes));
   if (const std::optional<WorkerId> id = job::ParseWorkerId(worker)) {
-    const std::optional<scheduler::WorkerInfo> info = farm.scheduler.DescribeWorker(*id);
+    const std::optional<scheduler::WorkerInfo> info = farm.scheduler.workers().Describe(*id);
     if (!info.has_value()) return absl::NotFoundError(absl::StrCat("no worker ", worker, " is connected"));
     return NamedWorkers{info->traits.name, {*id}};
   }
   const std::string name = logging::OneWord(worker);
-  return NamedWorkers{name, farm.scheduler.WorkersNamed(name)};
+  return NamedWorkers{name, farm.scheduler.workers().Named(name)};
 }
 
 /// Adds up to `limit` connected workers after this one: those that render `job`, all if it is empty.
 void AddWorkers(const Farm& farm, WorkerId after, int limit, const std::string& job,
                 v1::ListWorkersResponse* response) {
   while (true) {
-    const std::vector<scheduler::WorkerInfo> some = farm.scheduler.Workers(after, limit);
+    const std::vector<scheduler::WorkerInfo> some = farm.scheduler.workers().List(after, limit);
     for (const scheduler::WorkerInfo& info : some) {
       v1::WorkerStatus status = StatusOf(farm, info);
       const auto& jobs = status.job_ids();
@@ -129,7 +129,7 @@ absl::StatusOr<v1::JobStatus> OperatorCalls::ChangeScheduling(
     ActiveJob* const active = farm->jobs.FindActive(job);
     if (scheduling.has_value() && recorded.ok() && active != nullptr) {
       Reschedule(&*farm, active, *scheduling);
-      return StatusOfActiveJob(active->record, farm->scheduler.Progress(job));
+      return StatusOfActiveJob(active->record, farm->scheduler.jobs().Progress(job));
     }
   }
   const absl::StatusOr<v1::JobStatus> status = queries_->StatusOf(job);
@@ -162,7 +162,7 @@ void OperatorCalls::Reschedule(Farm* farm, ActiveJob* active, const v1::Scheduli
   }
   if (scheduling.priority() != before.priority()) {
     resources_->log().info("event=job_priority job={} priority={}", job.value(), scheduling.priority());
-    farm->scheduler.SetPriority(job, scheduling.priority());
+    farm->scheduler.jobs().SetPriority(job, scheduling.priority());
   }
   farm->watchers.MarkChanged(job);
 }
@@ -205,8 +205,8 @@ absl::StatusOr<v1::ListWorkersResponse> OperatorCalls::ListWorkers(const v1::Lis
     return response;
   }
   if (!request.job_id().empty()) return response;
-  for (const scheduler::BlockedWorker& blocked : farm->scheduler.Blocked()) {
-    if (blocked.name <= blocked_after || !farm->scheduler.WorkersNamed(blocked.name).empty()) continue;
+  for (const scheduler::BlockedWorker& blocked : farm->scheduler.workers().Blocked()) {
+    if (blocked.name <= blocked_after || !farm->scheduler.workers().Named(blocked.name).empty()) continue;
     if (response.workers_size() == *limit) {
       response.set_next_page_token(kBlockedToken + response.workers().rbegin()->name());
       break;
@@ -227,10 +227,10 @@ absl::StatusOr<v1::WorkerStatus> OperatorCalls::DrainWorker(const v1::WorkerRequ
   message.mutable_drain();
   for (const WorkerId worker : found->connected) {
     resources_->log().info("event=worker_drained worker={}", farm->workers.NameOf(worker));
-    farm->scheduler.DrainWorker(worker);
+    farm->scheduler.workers().Drain(worker);
     farm->workers.Send(worker, message);
   }
-  return StatusOf(*farm, *farm->scheduler.DescribeWorker(found->connected.front()));
+  return StatusOf(*farm, *farm->scheduler.workers().Describe(found->connected.front()));
 }
 
 absl::StatusOr<v1::WorkerStatus> OperatorCalls::BlockWorker(const v1::WorkerRequest& request) {
@@ -243,7 +243,7 @@ absl::StatusOr<v1::WorkerStatus> OperatorCalls::BlockWorker(const v1::WorkerRequ
   FarmState::Change farm(state_);
   resources_->log().warn("event=worker_blocked worker={} reason={}", LogName(*farm, found->name),
                          logging::Quoted(reason));
-  farm->scheduler.BlockWorker(found->name, reason);
+  farm->scheduler.workers().Block(found->name, reason);
   return StatusOfName(*farm, found->name, reason);
 }
 
@@ -254,7 +254,7 @@ absl::StatusOr<v1::WorkerStatus> OperatorCalls::ReadmitWorker(const v1::WorkerRe
   const absl::Status recorded = resources_->store->ReadmitWorker(found->name);
   if (!recorded.ok() && !absl::IsNotFound(recorded)) return resources_->NoteError(recorded);
   FarmState::Change farm(state_);
-  if (!farm->scheduler.ReadmitWorker(found->name))
+  if (!farm->scheduler.workers().Readmit(found->name))
     return absl::NotFoundError(
         absl::StrCat("no worker ", logging::Quoted(request.worker()), " is connected or blocked"));
   resources_->log().info("event=worker_readmitted worker={}", LogName(*farm, found->name));
@@ -267,11 +267,12 @@ absl::Status OperatorCalls::ReadBlockedWorkers() {
   if (!recorded.ok()) return recorded.status();
   FarmState::Change farm(state_);
   std::set<std::string> lifted;
-  for (const scheduler::BlockedWorker& worker : farm->scheduler.Blocked()) lifted.insert(worker.name);
+  for (const scheduler::BlockedWorker& worker : farm->scheduler.workers().Blocked())
+    lifted.insert(worker.name);
   for (const ledger::BlockedWorker& worker : *recorded) {
-    if (lifted.erase(worker.name) == 0) farm->scheduler.BlockWorker(worker.name, worker.reason);
+    if (lifted.erase(worker.name) == 0) farm->scheduler.workers().Block(worker.name, worker.reason);
   }
-  for (const std::string& name : lifted) farm->scheduler.ReadmitWorker(name);
+  for (const std::string& name : lifted) farm->scheduler.workers().Readmit(name);
   return absl::OkStatus();
 }
 

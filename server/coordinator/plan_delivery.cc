@@ -23,14 +23,14 @@ absl::Status PlanDelivery::Deliver(WorkerId worker, const UnitRef& unit, Attempt
                                    const v1::Plan& plan) const {
   FarmState::Change farm(state_);
   const ActiveJob* const active = farm->jobs.FindActive(unit.job);
-  if (active == nullptr || !farm->scheduler.HoldsLease(worker, unit, attempt)) {
+  if (active == nullptr || !farm->scheduler.units().HoldsLease(worker, unit, attempt)) {
     farm->workers.Acknowledge(worker, unit, attempt);
     return absl::OkStatus();
   }
   absl::StatusOr<v1::JobSpec> planned = job::PlannedSpec(active->record.spec, plan);
   if (!planned.ok()) return planned.status();
-  farm->scheduler.CompleteUnit(worker, unit, attempt, resources_->options.now());
-  planned->mutable_plan()->set_numeric_class(farm->scheduler.NumericClassOf(unit.job));
+  farm->scheduler.units().Complete(worker, unit, attempt, resources_->options.now());
+  planned->mutable_plan()->set_numeric_class(farm->scheduler.jobs().NumericClassOf(unit.job));
   const auto shared = std::make_shared<const v1::JobSpec>(*std::move(planned));
   committer_->Write([this, job = unit.job, shared] { return Record(job, *shared); },
                     [this, worker, unit, attempt, shared](const absl::Status& status) {
@@ -62,7 +62,7 @@ void PlanDelivery::OnRecorded(WorkerId worker, const UnitRef& unit, Attempt atte
                          absl::StrCat("the plan cannot be recorded: ", std::string(status.message())));
   }
   active->record.spec = planned;
-  farm->scheduler.SetPlan(unit, planned);
+  farm->scheduler.units().SetPlan(unit, planned);
   farm->LimitFramesFor(unit.job);
   resources_->log().info("event=job_planned job={} worker={} rays={} plan={}", unit.job.value(),
                          farm->workers.NameOf(worker), planned.plan().probe_rays(),

@@ -76,10 +76,10 @@ void SceneFiles::OnMissing(WorkerId worker, const job::UnitRef& unit, job::Attem
   v1::AssetRef asset;
   {
     FarmState::Change farm(state_);
-    if (!farm->scheduler.HoldsLease(worker, unit, attempt)) return;
+    if (!farm->scheduler.units().HoldsLease(worker, unit, attempt)) return;
     const ActiveJob* const active = farm->jobs.FindActive(unit.job);
     if (active->wanted_asset.has_value()) {  // another unit of the job found it out
-      farm->scheduler.HandBack(worker, unit, attempt);
+      farm->scheduler.units().HandBack(worker, unit, attempt);
       return;
     }
     const v1::AssetRef* const found = FindAsset(active->record.spec.scene(), sha256);
@@ -108,7 +108,7 @@ void SceneFiles::AwaitAsset(WorkerId worker, const job::UnitRef& unit, job::Atte
                             asset.sha256());
   }
   farm->UpdatePause(unit.job);
-  farm->scheduler.HandBack(worker, unit, attempt);
+  farm->scheduler.units().HandBack(worker, unit, attempt);
   farm->watchers.MarkChanged(unit.job);
 }
 

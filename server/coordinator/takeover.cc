@@ -31,7 +31,7 @@ void Takeover::SetFigures(ledger::Member* member) {
   FarmState::View farm(state_);
   member->active_jobs = static_cast<int64_t>(farm->jobs.active().size());
   for (const auto& [id, worker] : farm->workers.connected()) {
-    if (!GetsLeases(farm->scheduler.DescribeWorker(id)->state)) continue;
+    if (!GetsLeases(farm->scheduler.workers().Describe(id)->state)) continue;
     ++member->workers;
     member->slots += worker.slots;
   }
@@ -81,7 +81,7 @@ absl::Status Takeover::TryToAdopt(const JobId& job) {
 
 void Takeover::MoveWorkers(const cluster::WorkerMove& move) {
   FarmState::Change farm(state_);
-  std::vector<scheduler::WorkerInfo> movable = farm->scheduler.Workers(WorkerId(0), kMaxMovable);
+  std::vector<scheduler::WorkerInfo> movable = farm->scheduler.workers().List(WorkerId(0), kMaxMovable);
   std::erase_if(movable, [](const scheduler::WorkerInfo& worker) { return !GetsLeases(worker.state); });
   std::stable_sort(movable.begin(), movable.end(),
                    [](const auto& a, const auto& b) { return a.leases < b.leases; });

@@ -83,11 +83,11 @@ absl::StatusOr<WorkerId> WorkerCalls::AddWorker(const v1::Hello& hello, const ac
                                              .sink = sink,
                                              .connected = resources_->options.wall_now(),
                                              .known_jobs = {}});
-  farm->scheduler.AddWorker(worker, {.name = name,
-                                     .numeric_class = hello.numeric_class(),
-                                     .instance = hello.instance(),
-                                     .slots = hello.slots(),
-                                     .tags = {hello.tags().begin(), hello.tags().end()}});
+  farm->scheduler.workers().Add(worker, {.name = name,
+                                         .numeric_class = hello.numeric_class(),
+                                         .instance = hello.instance(),
+                                         .slots = hello.slots(),
+                                         .tags = {hello.tags().begin(), hello.tags().end()}});
   v1::CoordinatorMessage welcome;
   welcome.mutable_welcome()->set_worker_id(job::TextOf(worker));
   welcome.mutable_welcome()->set_heartbeat_ms(absl::ToInt64Milliseconds(resources_->options.heartbeat));
@@ -109,7 +109,7 @@ void WorkerCalls::RemoveWorker(WorkerId worker) {
   resources_->log().info("event=worker_gone worker={}", farm->workers.NameOf(worker));
   farm->workers.Remove(worker);
   farm->in_hand.ForgetWorker(worker);
-  const std::vector<scheduler::FailedJob> failed = farm->scheduler.RemoveWorker(worker);
+  const std::vector<scheduler::FailedJob> failed = farm->scheduler.workers().Remove(worker);
   if (!farm->is_leasing()) return;
   for (const scheduler::FailedJob& job : failed) farm->FailJob(job.job, job.error);
   for (const auto& [job, active] : farm->jobs.active()) farm->watchers.MarkChanged(job);
@@ -121,8 +121,8 @@ void WorkerCalls::OnHeartbeat(WorkerId worker, const v1::Heartbeat& heartbeat) {
     held.push_back({job::UnitFromProto(lease.unit()), Attempt(lease.attempt()), lease.progress()});
   }
   FarmState::Change farm(state_);
-  farm->ReportLate(farm->scheduler.Heartbeat(worker, held, Attempt(heartbeat.newest_attempt()),
-                                             resources_->options.now()));
+  farm->ReportLate(farm->scheduler.workers().Heartbeat(worker, held, Attempt(heartbeat.newest_attempt()),
+                                                       resources_->options.now()));
 }
 
 void WorkerCalls::KeepLog(WorkerId worker, const google::protobuf::RepeatedPtrField<v1::LogEvent>& lines) {
@@ -138,16 +138,16 @@ void WorkerCalls::KeepLog(WorkerId worker, const google::protobuf::RepeatedPtrFi
 std::optional<LeasedUnit> WorkerCalls::FindLease(WorkerId worker, const UnitRef& unit, Attempt attempt) {
   FarmState::View farm(state_);
   const scheduler::Scheduler& scheduler = farm->scheduler;
-  if (!scheduler.HoldsLease(worker, unit, attempt)) return std::nullopt;
-  return LeasedUnit{scheduler.UnitsOf(unit.job).tiles().RectOf(unit.key.tile), scheduler.SamplesOf(unit),
-                    film::ModelOf(scheduler.SpecOf(unit.job))};
+  if (!scheduler.units().HoldsLease(worker, unit, attempt)) return std::nullopt;
+  return LeasedUnit{scheduler.jobs().UnitsOf(unit.job).tiles().RectOf(unit.key.tile),
+                    scheduler.units().SamplesOf(unit), film::ModelOf(scheduler.jobs().SpecOf(unit.job))};
 }
 
 void WorkerCalls::Deliver(WorkerId worker, film::EncodedUnit unit) {
   resources_->traffic.units_received += static_cast<int64_t>(unit.size_bytes());
   FarmState::Change farm(state_);
-  const scheduler::Completion completion =
-      farm->scheduler.CompleteUnit(worker, unit.unit, unit.attempt, resources_->options.now(), unit.digest);
+  const scheduler::Completion completion = farm->scheduler.units().Complete(
+      worker, unit.unit, unit.attempt, resources_->options.now(), unit.digest);
   if (completion == scheduler::Completion::kAudited) {
     resources_->log().debug("event=unit_audited unit={} worker={}", logging::Quoted(Describe(unit.unit)),
                             farm->workers.NameOf(worker));
@@ -159,13 +159,13 @@ void WorkerCalls::Deliver(WorkerId worker, film::EncodedUnit unit) {
     return farm->workers.Acknowledge(worker, unit.unit, unit.attempt);
   }
   const JobId job = unit.unit.job;
-  const Rect rect = farm->scheduler.UnitsOf(job).tiles().RectOf(unit.unit.key.tile);
-  const int64_t samples = farm->scheduler.SamplesOf(unit.unit).CountIn(rect.width(), rect.height());
+  const Rect rect = farm->scheduler.jobs().UnitsOf(job).tiles().RectOf(unit.unit.key.tile);
+  const int64_t samples = farm->scheduler.units().SamplesOf(unit.unit).CountIn(rect.width(), rect.height());
   committer_->Enqueue({.stored = std::move(unit),
                        .worker = worker,
                        .worker_name = farm->workers.Find(worker)->name,
                        .samples = samples,
-                       .numeric_class = farm->scheduler.NumericClassOf(job),
+                       .numeric_class = farm->scheduler.jobs().NumericClassOf(job),
                        .started = farm->jobs.FindActive(job)->record.started});
 }
 
@@ -192,7 +192,7 @@ void WorkerCalls::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt
                            bool permanent) {
   FarmState::Change farm(state_);
   const scheduler::FailureOutcome outcome =
-      farm->scheduler.FailUnit(worker, unit, attempt, permanent, resources_->options.now());
+      farm->scheduler.units().Fail(worker, unit, attempt, permanent, resources_->options.now());
   resources_->log().warn("event=unit_failed unit={} worker={} permanent={} error={}",
                          logging::Quoted(Describe(unit)), farm->workers.NameOf(worker), permanent,
                          logging::Quoted(error));
@@ -203,7 +203,8 @@ void WorkerCalls::HandBack(WorkerId worker, const v1::HandBack& message) {
   FarmState::Change farm(state_);
   int returned = 0;
   for (const v1::Lease& lease : message.leases())
-    returned += farm->scheduler.HandBack(worker, job::UnitFromProto(lease.unit()), Attempt(lease.attempt()));
+    returned +=
+        farm->scheduler.units().HandBack(worker, job::UnitFromProto(lease.unit()), Attempt(lease.attempt()));
   resources_->log().info("event=leases_handed_back worker={} leases={}", farm->workers.NameOf(worker),
                          returned);
 }
@@ -212,7 +213,7 @@ void WorkerCalls::OnLeaving(WorkerId worker, const std::string& reason) {
   FarmState::Change farm(state_);
   resources_->log().info("event=worker_leaving worker={} reason={}", farm->workers.NameOf(worker),
                          logging::Quoted(reason));
-  farm->scheduler.DrainWorker(worker);
+  farm->scheduler.workers().Drain(worker);
   v1::CoordinatorMessage message;
   message.mutable_released();
   farm->workers.Send(worker, message);  // after all grants, which are sent under the same lock

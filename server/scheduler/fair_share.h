@@ -23,6 +23,7 @@ namespace lumifold::scheduler {
 /// idle.
 ///
 /// Time: O(log n) for each call unless it says otherwise, n counts users and jobs.
+///
 /// Threads: one at a time.
 class FairShare {
  public:

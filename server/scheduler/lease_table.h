@@ -1,6 +1,5 @@
 #pragma once
 
-#include <compare>
 #include <cstdint>
 #include <map>
 #include <set>
@@ -9,22 +8,9 @@
 
 #include "absl/time/time.h"
 #include "server/job/ids.h"
+#include "server/scheduler/unit_index.h"
 
 namespace lumifold::scheduler {
-
-/// Identifies a unit within its job: index of the frame, from 0, and number of the unit in the frame.
-struct Place {
-  int frame = 0;
-  int64_t number = 0;
-  friend auto operator<=>(const Place&, const Place&) = default;  // NOLINT(modernize-use-nullptr)
-};
-
-/// Identifies a unit among the active jobs; `job` is the scheduler's number of the job.
-struct UnitIndex {
-  int64_t job = 0;
-  Place place;
-  friend auto operator<=>(const UnitIndex&, const UnitIndex&) = default;  // NOLINT(modernize-use-nullptr)
-};
 
 struct Lease {
   UnitIndex unit;
@@ -46,6 +32,7 @@ struct Lease {
 
 /// The leases that are valid, by attempt, unit, worker and time. Every call takes O(log n) for each lease
 /// it returns or changes. Lists are in ascending order of attempts, except where they say otherwise.
+///
 /// Threads: one at a time.
 class LeaseTable {
  public:

@@ -9,6 +9,7 @@ namespace lumifold::scheduler {
 
 /// Numbers for names, so that a table of millions of entries can name workers in four bytes each. A name has
 /// its number while it is referred to; 0 is the number of no name. Every call takes O(log n).
+///
 /// Threads: one at a time.
 class NameTable {
  public:

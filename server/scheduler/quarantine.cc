@@ -1,7 +1,6 @@
-// Units with which workers were lost again and again: they are rendered once more, alone on a worker.
-#include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
-#include "server/scheduler/scheduler.h"
+#include "server/scheduler/quarantine.h"
+
+#include <cstddef>
 
 namespace lumifold::scheduler {
 
@@ -15,118 +14,135 @@ constexpr size_t kMaxReservations = 16;
 /// Free workers that are looked at for one unit.
 constexpr int kMaxCandidates = 16;
 
-/// Names of lost workers in an error.
-constexpr size_t kMaxNames = 4;
-
 }  // namespace
 
-std::string Scheduler::CountLoss(const Lease& lease) {
-  if (lease.audit) return "";  // a worker has rendered the unit
-  History& history = jobs_.at(lease.unit.job).history[lease.unit.place];
-  history.lost_workers.insert(workers_.Find(lease.worker)->traits.name);
-  if (!lease.alone || !lease.received) return "";
-  const std::set<std::string> distinct(history.lost_workers.begin(), history.lost_workers.end());
-  std::vector<std::string> names(distinct.begin(), distinct.end());
-  if (names.size() > kMaxNames) names.resize(kMaxNames);
-  return absl::StrCat(Describe(RefOf(lease.unit)), ": workers were lost with it ",
-                      history.lost_workers.size(),
-                      " times, the last one while it rendered nothing else: ", absl::StrJoin(names, ", "));
+void Quarantine::AddLoss(const UnitIndex& unit, const std::string& worker) { losses_[unit].insert(worker); }
+
+const std::multiset<std::string>& Quarantine::LossesOf(const UnitIndex& unit) const {
+  static const auto* const none = new std::multiset<std::string>;
+  const auto found = losses_.find(unit);
+  return found == losses_.end() ? *none : found->second;
 }
 
-bool Scheduler::IsSuspect(const UnitIndex& index) const {
-  const Job& job = jobs_.at(index.job);
-  const auto history = job.history.find(index.place);
-  if (history == job.history.end()) return false;
-  const std::multiset<std::string>& lost = history->second.lost_workers;
-  if (static_cast<int>(lost.size()) >= 2 * options_.max_lost_workers) return true;
-  return static_cast<int>(std::set<std::string>(lost.begin(), lost.end()).size()) >=
-         options_.max_lost_workers;
+bool Quarantine::IsSuspect(const UnitIndex& unit) const {
+  const std::multiset<std::string>& lost = LossesOf(unit);
+  if (static_cast<int>(lost.size()) >= 2 * max_lost_workers_) return true;
+  return static_cast<int>(std::set<std::string>(lost.begin(), lost.end()).size()) >= max_lost_workers_;
 }
 
-void Scheduler::NoteAbsence(const Lease& lease) {
-  const uint64_t instance = workers_.Find(lease.worker)->traits.instance;
-  if (instance != 0 && !lease.audit) lost_with_[instance].push_back(lease.unit);
+void Quarantine::NoteAbsence(uint64_t instance, const UnitIndex& unit) {
+  if (instance != 0) lost_with_[instance].push_back(unit);
 }
 
-void Scheduler::TakeBackLosses(WorkerId worker) {
-  const WorkerTraits& traits = workers_.Find(worker)->traits;
-  const auto lost_with = lost_with_.extract(traits.instance);
-  if (lost_with.empty()) return;
-  for (const UnitIndex& index : lost_with.mapped()) {
-    const auto job = jobs_.find(index.job);
-    if (job == jobs_.end()) continue;
-    const auto history = job->second.history.find(index.place);
-    if (history == job->second.history.end()) continue;  // it was accepted since
-    std::multiset<std::string>& lost = history->second.lost_workers;
-    if (const auto loss = lost.find(traits.name); loss != lost.end()) lost.erase(loss);
-    if (quarantine_.contains(index) && !IsSuspect(index)) {
-      quarantine_.erase(index);
-      Return(index);
-    }
+std::vector<UnitIndex> Quarantine::TakeBackLosses(uint64_t instance, const std::string& worker) {
+  std::vector<UnitIndex> released;
+  const auto lost_with = lost_with_.extract(instance);
+  if (lost_with.empty()) return released;
+  for (const UnitIndex& unit : lost_with.mapped()) {
+    const auto losses = losses_.find(unit);
+    if (losses == losses_.end()) continue;  // it was accepted since
+    if (const auto loss = losses->second.find(worker); loss != losses->second.end())
+      losses->second.erase(loss);
+    if (!IsSuspect(unit) && waiting_.erase(unit) > 0) released.push_back(unit);
   }
+  return released;
 }
 
-void Scheduler::GrantQuarantined(absl::Time now, std::vector<GrantedLease>* granted) {
+void Quarantine::Reserve(absl::FunctionRef<const Requirement*(const UnitIndex&)> requirement_of) {
   size_t looked_at = 0;
-  for (auto it = quarantine_.begin();
-       it != quarantine_.end() && reservations_.size() < kMaxReservations && looked_at < kMaxReservations;
+  for (auto it = waiting_.begin();
+       it != waiting_.end() && reservations_.size() < kMaxReservations && looked_at < kMaxReservations;
        ++looked_at) {
-    const bool paused = jobs_.at(it->job).paused;
-    const std::optional<WorkerId> worker = paused ? std::nullopt : FindWorkerFor(*it);
+    const Requirement* requirement = requirement_of(*it);
+    const std::optional<WorkerId> worker =
+        requirement == nullptr ? std::nullopt : FindWorkerFor(*it, *requirement);
     if (!worker.has_value()) {
       ++it;
       continue;
     }
-    workers_.Change(*worker, [](Worker& state) { state.reserved = true; });
+    SetReserved(*worker, true);
     reservations_.emplace(*worker, Reservation{*it});
-    it = quarantine_.erase(it);
-  }
-  for (auto& [worker, reservation] : reservations_) {
-    if (reservation.granted || workers_.Find(worker)->busy > 0) continue;
-    reservation.granted = true;
-    granted->push_back(Grant(reservation.unit, worker, now, LeaseKind::kAlone));
+    it = waiting_.erase(it);
   }
 }
 
-std::optional<WorkerId> Scheduler::FindWorkerFor(const UnitIndex& index) const {
-  const Requirement& requirement = RequirementOf(jobs_.at(index.job));
-  std::optional<int> kind = workers_.NextFreeKind(-1);
-  while (kind.has_value() && !requirement.Admits(workers_.KindOf(*kind))) kind = workers_.NextFreeKind(*kind);
-  return kind.has_value() ? FindWorkerFor(index, *kind) : std::nullopt;
-}
-
-std::optional<WorkerId> Scheduler::FindWorkerFor(const UnitIndex& index, int kind) const {
-  const std::multiset<std::string>& lost = jobs_.at(index.job).history.at(index.place).lost_workers;
+std::optional<WorkerId> Quarantine::FindWorkerFor(const UnitIndex& unit,
+                                                  const Requirement& requirement) const {
+  std::optional<int> kind = workers_->NextFreeKind(-1);
+  while (kind.has_value() && !requirement.Admits(workers_->KindOf(*kind)))
+    kind = workers_->NextFreeKind(*kind);
+  if (!kind.has_value()) return std::nullopt;
+  const std::multiset<std::string>& lost = LossesOf(unit);
   std::optional<WorkerId> best;
   int best_score = -1;
-  std::optional<WorkerId> worker = workers_.NextFree(kind, WorkerId(-1));
+  std::optional<WorkerId> worker = workers_->NextFree(*kind, WorkerId(-1));
   for (int i = 0; i < kMaxCandidates && worker.has_value(); ++i) {
-    const Worker& state = *workers_.Find(*worker);
+    const Worker& state = *workers_->Find(*worker);
     const int score = (lost.contains(state.traits.name) ? 0 : 2) + (state.busy == 0 ? 1 : 0);
     if (score > best_score) {
       best = worker;
       best_score = score;
     }
-    worker = workers_.NextFree(kind, *worker);
+    worker = workers_->NextFree(*kind, *worker);
   }
   return best;
 }
 
-void Scheduler::CancelReservation(WorkerId worker) {
-  const auto reservation = reservations_.find(worker);
-  if (reservation == reservations_.end() || reservation->second.granted) return;
-  quarantine_.insert(reservation->second.unit);
-  reservations_.erase(reservation);
-  workers_.Change(worker, [](Worker& state) { state.reserved = false; });
+std::vector<std::pair<WorkerId, UnitIndex>> Quarantine::TakeReady() {
+  std::vector<std::pair<WorkerId, UnitIndex>> ready;
+  for (auto& [worker, reservation] : reservations_) {
+    if (reservation.leased || workers_->Find(worker)->busy > 0) continue;
+    reservation.leased = true;
+    ready.emplace_back(worker, reservation.unit);
+  }
+  return ready;
 }
 
-void Scheduler::RemoveFromQuarantine(const UnitIndex& index) {
-  for (auto it = reservations_.begin(); it != reservations_.end(); ++it) {
-    if (it->second.unit != index || it->second.granted) continue;
-    CancelReservation(it->first);
+void Quarantine::SetReserved(WorkerId worker, bool reserved) {
+  workers_->Change(worker, [reserved](Worker& state) { state.reserved = reserved; });
+}
+
+void Quarantine::Cancel(WorkerId worker) {
+  const auto reservation = reservations_.find(worker);
+  if (reservation == reservations_.end() || reservation->second.leased) return;
+  waiting_.insert(reservation->second.unit);
+  reservations_.erase(reservation);
+  SetReserved(worker, false);
+}
+
+void Quarantine::CancelOfJob(int64_t job) {
+  std::vector<WorkerId> reserved;
+  for (const auto& [worker, reservation] : reservations_) {
+    if (reservation.unit.job == job) reserved.push_back(worker);
+  }
+  for (const WorkerId worker : reserved) Cancel(worker);
+}
+
+void Quarantine::EndIfIdle(WorkerId worker) {
+  const auto reservation = reservations_.find(worker);
+  if (reservation == reservations_.end() || !reservation->second.leased) return;
+  if (workers_->Find(worker)->busy > 0) return;
+  reservations_.erase(reservation);
+  SetReserved(worker, false);
+}
+
+void Quarantine::Forget(const UnitIndex& unit) {
+  if (losses_.erase(unit) == 0) return;
+  for (const auto& [worker, reservation] : reservations_) {
+    if (reservation.unit != unit || reservation.leased) continue;
+    Cancel(worker);
     break;
   }
-  quarantine_.erase(index);
+  waiting_.erase(unit);
+}
+
+void Quarantine::EndJob(int64_t job) {
+  CancelOfJob(job);
+  waiting_.erase(waiting_.lower_bound({job, {}}), waiting_.lower_bound({job + 1, {}}));
+  losses_.erase(losses_.lower_bound({job, {}}), losses_.lower_bound({job + 1, {}}));
+  for (auto& [instance, units] : lost_with_)
+    std::erase_if(units, [job](const UnitIndex& unit) { return unit.job == job; });
+  std::erase_if(lost_with_, [](const auto& entry) { return entry.second.empty(); });
 }
 
 }  // namespace lumifold::scheduler

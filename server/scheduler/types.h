@@ -36,10 +36,10 @@ struct SchedulerOptions {
   /// no longer than `longest_backoff`.
   absl::Duration first_backoff = absl::Seconds(1);
   absl::Duration longest_backoff = absl::Seconds(60);
-  /// A worker that failed units of this many jobs within `set_aside`, each rendered by another worker since,
-  /// gets no leases for `set_aside`.
-  int max_blamed_jobs = 2;
-  absl::Duration set_aside = absl::Minutes(5);
+  /// A worker that failed units of this many jobs within `cool_down`, each rendered by another worker since,
+  /// gets no leases for `cool_down`.
+  int max_attributed_jobs = 2;
+  absl::Duration cool_down = absl::Minutes(5);
   /// A worker goes on with the job it rendered last, whose scene it has loaded, while the job and its user
   /// are ahead of their shares by no more than this.
   FairShare::Tolerance locality{};
@@ -138,14 +138,14 @@ struct HeldLease {
 };
 
 /// A worker that gets no leases for a while, because it fails units that other workers render.
-struct SetAsideWorker {
+struct CoolingWorker {
   job::WorkerId worker;
   absl::Time until;
   std::string reason;
 };
 
-/// A lease that became void although its worker did not say so: the worker may still render the unit.
-struct VoidedLease {
+/// A lease that ended although its worker did not say so: the worker may still render the unit.
+struct RevokedLease {
   job::WorkerId worker;
   job::UnitRef unit;
   job::Attempt attempt;
@@ -155,7 +155,7 @@ struct VoidedLease {
 struct RestoredUnit {
   job::UnitKey key;
   std::string worker{};  // name of the worker that delivered it; empty if that is not known
-  std::string digest{};  // of an audited unit, as for Scheduler::CompleteUnit; empty if it is not known
+  std::string digest{};  // of an audited unit, as for Units::Complete; empty if it is not known
 };
 
 /// A worker that delivered other pixels than two others did; it is blocked from now on.
@@ -164,7 +164,7 @@ struct FaultyWorker {
   /// Empty if the worker was reported before, and these are further units of it.
   std::string reason;
   /// Committed units that it delivered, of frames that are not finished. The caller discards them and then
-  /// calls RevokeUnit for each; until then their frames are not committed.
+  /// calls Units::Revoke for each; until then their frames are not committed.
   std::vector<job::UnitRef> units;
 };
 
@@ -179,7 +179,7 @@ struct WorkerInfo {
   job::WorkerId worker{};
   WorkerTraits traits{};
   v1::WorkerState state = v1::WORKER_STATE_IDLE;
-  std::string reason{};  // why it is set aside or blocked
+  std::string reason{};  // why it cools down or is blocked
   int leases = 0;
   int64_t units_done = 0;  // accepted
   int64_t units_failed = 0;
@@ -194,9 +194,9 @@ struct Reason {
 };
 
 enum class Lateness {
-  kSilent,   // the worker has not renewed the lease, which is now void
-  kStalled,  // the worker renews the lease but makes no progress; the lease is now void
-  kDropped,  // the worker no longer names the lease in its heartbeats; the lease is now void
+  kSilent,   // the worker has not renewed the lease, which is revoked
+  kStalled,  // the worker renews the lease but makes no progress; the lease is revoked
+  kDropped,  // the worker no longer names the lease in its heartbeats; the lease is revoked
   kOverdue,  // the lease stays valid; the unit is leased a second time, and the first result counts
 };
 
@@ -210,10 +210,10 @@ struct LateLease {
 
 /// Outcome of the delivery of a unit.
 enum class Completion {
-  kAccepted,   // the lease was valid: the caller commits the unit and then calls UnitCommitted
+  kAccepted,   // the lease was valid: the caller commits the unit and then calls Units::Commit
   kAudited,    // a second result of an audited unit: it is compared, and the caller drops it
   kDuplicate,  // the unit is already accepted or committed
-  kStale,      // the lease is void or belongs to another worker
+  kStale,      // the lease has ended or belongs to another worker
   kUnknown,    // no such unit, or the job has ended
 };
 
@@ -221,7 +221,7 @@ enum class Completion {
 enum class FailureOutcome {
   kRetried,   // the unit will be leased again
   kJobFails,  // too many failures, or two workers say that it is permanent: the caller ends the job
-  kIgnored,   // the lease was already void
+  kIgnored,   // the lease had ended already
 };
 
 /// Progress of an active job.

@@ -12,7 +12,7 @@ using job::WorkerId;
 v1::WorkerState StateOf(const Worker& worker) {
   if (worker.blocked) return v1::WORKER_STATE_BLOCKED;
   if (worker.draining) return v1::WORKER_STATE_DRAINING;
-  if (worker.set_aside_until != absl::InfinitePast()) return v1::WORKER_STATE_SET_ASIDE;
+  if (worker.IsCooling()) return v1::WORKER_STATE_SET_ASIDE;
   if (worker.unresponsive) return v1::WORKER_STATE_SILENT;
   return worker.busy > 0 ? v1::WORKER_STATE_BUSY : v1::WORKER_STATE_IDLE;
 }
@@ -78,9 +78,9 @@ void WorkerPool::Change(WorkerId id, absl::FunctionRef<void(Worker&)> change) {
 
 void WorkerPool::Unindex(WorkerId id, const Worker& worker) {
   KindCounts& counts = kinds_.at(worker.kind).counts;
-  if (worker.set_aside_until != absl::InfinitePast()) {
-    readmissions_.erase({worker.set_aside_until, id});
-    --counts.set_aside;
+  if (worker.IsCooling()) {
+    cool_downs_.erase({worker.cools_until, id});
+    --counts.cooling;
   }
   if (!worker.IsAvailable()) return;
   --counts.available;
@@ -94,9 +94,9 @@ void WorkerPool::Unindex(WorkerId id, const Worker& worker) {
 
 void WorkerPool::Index(WorkerId id, const Worker& worker) {
   KindCounts& counts = kinds_.at(worker.kind).counts;
-  if (worker.set_aside_until != absl::InfinitePast()) {
-    readmissions_.emplace(worker.set_aside_until, id);
-    ++counts.set_aside;
+  if (worker.IsCooling()) {
+    cool_downs_.emplace(worker.cools_until, id);
+    ++counts.cooling;
   }
   if (!worker.IsAvailable()) return;
   ++counts.available;
@@ -135,7 +135,7 @@ KindCounts WorkerPool::Count(const Requirement& requirement) const {
     if (!requirement.Admits(kind.kind)) continue;
     sum.connected += kind.counts.connected;
     sum.available += kind.counts.available;
-    sum.set_aside += kind.counts.set_aside;
+    sum.cooling += kind.counts.cooling;
     sum.slots += kind.counts.slots;
     sum.busy += kind.counts.busy;
   }
@@ -148,15 +148,15 @@ bool WorkerPool::HasOther(WorkerId id, const Requirement& requirement) const {
   return Count(requirement).available > (counted ? 1 : 0);
 }
 
-std::vector<WorkerId> WorkerPool::Readmissible(absl::Time now) const {
+std::vector<WorkerId> WorkerPool::Cooled(absl::Time now) const {
   std::vector<WorkerId> workers;
-  for (auto it = readmissions_.begin(); it != readmissions_.end() && it->first <= now; ++it)
+  for (auto it = cool_downs_.begin(); it != cool_downs_.end() && it->first <= now; ++it)
     workers.push_back(it->second);
   return workers;
 }
 
-absl::Time WorkerPool::NextReadmission() const {
-  return readmissions_.empty() ? absl::InfiniteFuture() : readmissions_.begin()->first;
+absl::Time WorkerPool::NextCooled() const {
+  return cool_downs_.empty() ? absl::InfiniteFuture() : cool_downs_.begin()->first;
 }
 
 std::optional<int> WorkerPool::NextFreeKind(int kind) const {

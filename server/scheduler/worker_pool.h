@@ -35,20 +35,17 @@ struct Worker {
   bool reserved = false;      // for a unit in quarantine
   bool draining = false;
   bool blocked = false;
-  /// Jobs of which other workers rendered a unit that this one had failed, and when that was last.
-  std::map<int64_t, absl::Time> blamed_jobs;
-  absl::Time set_aside_until = absl::InfinitePast();  // InfinitePast if it is not set aside
-  int64_t last_job = -1;                              // of its last lease; -1: none
-  /// Mean of its times for a unit / those of the unit's job, over about the last kRatedUnits units.
+  absl::Time cools_until = absl::InfinitePast();  // InfinitePast unless it cools down, see WorkerHealth
+  int64_t last_job = -1;                          // of its last lease; -1: none
+  /// Mean of its times for a unit / those of the unit's job, see SecondLeases::Rate.
   double slowness = 1;
   int rated = 0;
   int64_t units_done = 0;
   int64_t units_failed = 0;
   absl::Duration unit_time;  // sum over units_done
 
-  bool IsAvailable() const {
-    return !unresponsive && !draining && !blocked && set_aside_until == absl::InfinitePast();
-  }
+  bool IsCooling() const { return cools_until != absl::InfinitePast(); }
+  bool IsAvailable() const { return !unresponsive && !draining && !blocked && !IsCooling(); }
   bool IsFree() const { return IsAvailable() && !reserved && busy < traits.slots; }
 };
 
@@ -59,7 +56,7 @@ v1::WorkerState StateOf(const Worker& worker);
 struct KindCounts {
   int connected = 0;
   int available = 0;
-  int set_aside = 0;
+  int cooling = 0;
   int64_t slots = 0;  // of available workers
   int64_t busy = 0;   // of these
 };
@@ -67,8 +64,9 @@ struct KindCounts {
 /// The connected workers, and which of them can take a unit. Workers of equal class and tags are of one kind;
 /// kinds have numbers from 0 on. A call takes O(log n) unless it says otherwise.
 ///
-/// A worker is available unless it is unresponsive, draining, blocked or set aside; it is free if it is
+/// A worker is available unless it is unresponsive, draining, blocked or cooling down; it is free if it is
 /// available, not reserved, and has a free slot.
+///
 /// Threads: one at a time.
 class WorkerPool {
  public:
@@ -101,10 +99,10 @@ class WorkerPool {
   /// Whether a worker that `requirement` admits is available besides `id`; O(kinds).
   bool HasOther(job::WorkerId id, const Requirement& requirement) const;
 
-  /// Workers whose time aside is over at `now`, in the order of these times.
-  std::vector<job::WorkerId> Readmissible(absl::Time now) const;
-  /// When the first of them is; InfiniteFuture if none is set aside.
-  absl::Time NextReadmission() const;
+  /// Workers whose cool-down is over at `now`, in the order of its ends.
+  std::vector<job::WorkerId> Cooled(absl::Time now) const;
+  /// When the first one is over; InfiniteFuture if no worker cools down.
+  absl::Time NextCooled() const;
 
   /// The first kind after number `kind` that has free workers.
   std::optional<int> NextFreeKind(int kind) const;
@@ -127,9 +125,9 @@ class WorkerPool {
   int next_kind_ = 0;
   int64_t version_ = 0;
   std::map<Requirement, int> kind_numbers_;
-  std::map<int, Kind> kinds_;  // with connected workers
-  std::set<std::pair<absl::Time, job::WorkerId>> readmissions_;
-  std::map<int, std::set<job::WorkerId>> free_;  // by kind; never empty
+  std::map<int, Kind> kinds_;                                  // with connected workers
+  std::set<std::pair<absl::Time, job::WorkerId>> cool_downs_;  // by their ends
+  std::map<int, std::set<job::WorkerId>> free_;                // by kind; never empty
 };
 
 }  // namespace lumifold::scheduler

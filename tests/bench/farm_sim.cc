@@ -80,7 +80,7 @@ class Farm {
   explicit Farm(const FarmSettings& settings)
       : settings_(settings), random_(settings.seed), scheduler_(scheduler::SchedulerOptions{}) {
     bytes_before_ = static_cast<int64_t>(mallinfo2().uordblks);
-    scheduler_.SetMaxActiveFrames(settings.max_active_frames);
+    scheduler_.frames().SetMaxActive(settings.max_active_frames);
     MakeJobs();
     MakeWorkers();
     Push(absl::Seconds(1), Event::kTick, 0, 0);
@@ -202,8 +202,8 @@ class Farm {
     worker.generation = next_worker_++;
     worker_of_[worker.generation] = index;
     Timed([&] {
-      scheduler_.AddWorker(WorkerId(worker.generation),
-                           {.name = worker.name, .numeric_class = "avx2", .slots = settings_.slots});
+      scheduler_.workers().Add(WorkerId(worker.generation),
+                               {.name = worker.name, .numeric_class = "avx2", .slots = settings_.slots});
     });
     Push(settings_.heartbeat * Uniform(), Event::kHeartbeat, worker.generation, 0);
     Push(settings_.mean_life * Exponential(), Event::kDie, worker.generation, 0);
@@ -243,19 +243,19 @@ class Farm {
     job.submitted = true;
     job.served = now_;
     Timed([&] {
-      scheduler_.AddJob(job.id, spec_,
-                        {.priority = job.priority,
-                         .user = absl::StrCat("user-", job.user),
-                         .audit_share = settings_.audit_share});
+      scheduler_.jobs().Add(job.id, spec_,
+                            {.priority = job.priority,
+                             .user = absl::StrCat("user-", job.user),
+                             .audit_share = settings_.audit_share});
     });
     Grant();
   }
 
   void Grant() {
     for (const GrantedLease& lease : Timed([&] { return scheduler_.GrantLeases(now_); })) Start(lease);
-    for (const auto& voided : scheduler_.TakeVoided()) {
-      SimWorker* worker = Connected(voided.worker.value());
-      if (worker != nullptr) Stop(*worker, voided.attempt.value());
+    for (const auto& revoked : scheduler_.units().TakeRevoked()) {
+      SimWorker* worker = Connected(revoked.worker.value());
+      if (worker != nullptr) Stop(*worker, revoked.attempt.value());
     }
   }
 
@@ -327,7 +327,7 @@ class Farm {
     const bool wrong = worker->lies && Uniform() < 0.5;
     const std::string digest = wrong ? absl::StrCat("wrong ", attempt) : "right";
     const Completion completion = Timed([&] {
-      return scheduler_.CompleteUnit(WorkerId(generation), lease.unit, lease.attempt, now_, digest);
+      return scheduler_.units().Complete(WorkerId(generation), lease.unit, lease.attempt, now_, digest);
     });
     if (completion == Completion::kAccepted) {
       if (wrong) {
@@ -346,32 +346,33 @@ class Farm {
     const auto committing = committing_.find(attempt);
     const UnitRef unit = committing->second;
     committing_.erase(committing);
-    if (Timed([&] { return scheduler_.UnitCommitted(unit); }))
+    if (Timed([&] { return scheduler_.units().Commit(unit); }))
       Push(settings_.filter, Event::kFrame, numbers_.at(unit.job), unit.key.frame);
     FollowAudits();
     Grant();
   }
 
   void FollowAudits() {
-    for (const auto& faulty : scheduler_.TakeFaulty()) {
+    for (const auto& faulty : scheduler_.workers().TakeFaulty()) {
       faulty_.insert(faulty.name);
       result_.faulty_found = static_cast<int>(faulty_.size());
-      for (const UnitRef& unit : faulty.units) result_.units_redone += scheduler_.RevokeUnit(unit) ? 1 : 0;
+      for (const UnitRef& unit : faulty.units)
+        result_.units_redone += scheduler_.units().Revoke(unit) ? 1 : 0;
     }
-    for (const auto& [job, frame] : scheduler_.TakeSettledFrames())
+    for (const auto& [job, frame] : scheduler_.frames().TakeSettled())
       Push(settings_.filter, Event::kFrame, numbers_.at(job), frame);
   }
 
   void FinishFrame(int index, int32_t frame) {
     SimJob& job = jobs_[static_cast<size_t>(index)];
-    if (!scheduler_.IsFrameCommitted(job.id, frame)) return;
+    if (!scheduler_.frames().IsCommitted(job.id, frame)) return;
     for (auto it = wrong_.begin(); it != wrong_.end();) {
       const bool here = it->job == job.id && it->key.frame == frame;
       result_.wrong_units += here ? 1 : 0;
       it = here ? wrong_.erase(it) : std::next(it);
     }
-    if (Timed([&] { return scheduler_.FrameFinished(job.id, frame); })) {
-      scheduler_.EndJob(job.id);
+    if (Timed([&] { return scheduler_.frames().Finish(job.id, frame); })) {
+      scheduler_.jobs().End(job.id);
       job.ended = true;
       ++ended_jobs_;
     }
@@ -387,7 +388,7 @@ class Farm {
     for (const auto& [attempt, lease] : worker->leases)
       held.push_back({lease.unit, lease.attempt, worker->hung.contains(attempt) ? 0 : progress});
     const Attempt newest(worker->leases.empty() ? 0 : worker->leases.rbegin()->first);
-    Timed([&] { scheduler_.Heartbeat(WorkerId(generation), held, newest, now_); });
+    Timed([&] { scheduler_.workers().Heartbeat(WorkerId(generation), held, newest, now_); });
     Push(settings_.heartbeat, Event::kHeartbeat, generation, 0);
   }
 
@@ -395,7 +396,7 @@ class Farm {
     SimWorker* worker = Connected(generation);
     if (worker == nullptr) return;
     ++result_.deaths;
-    Timed([&] { return scheduler_.RemoveWorker(WorkerId(generation)); });
+    Timed([&] { return scheduler_.workers().Remove(WorkerId(generation)); });
     while (!worker->leases.empty()) Stop(*worker, worker->leases.begin()->first);
     worker->scenes.clear();
     const int64_t index = worker_of_.at(generation);

@@ -39,9 +39,9 @@ v1::JobSpec Spec() {
 class Farm {
  public:
   Farm() {
-    for (int i = 0; i < kJobs; ++i) scheduler.AddJob(JobId("j-" + std::to_string(i)), Spec());
+    for (int i = 0; i < kJobs; ++i) scheduler.jobs().Add(JobId("j-" + std::to_string(i)), Spec());
     for (int i = 0; i < kWorkers; ++i)
-      scheduler.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = kSlots});
+      scheduler.workers().Add(WorkerId(i), {.numeric_class = "avx2", .slots = kSlots});
     Grant();
   }
 
@@ -62,16 +62,16 @@ class Farm {
     const Held lease = held[index];
     held[index] = held.back();
     held.pop_back();
-    if (scheduler.CompleteUnit(lease.worker, lease.unit, lease.attempt, now) != Completion::kAccepted)
+    if (scheduler.units().Complete(lease.worker, lease.unit, lease.attempt, now) != Completion::kAccepted)
       std::abort();
-    scheduler.UnitCommitted(lease.unit);
+    scheduler.units().Commit(lease.unit);
     Grant();
     if (held.size() != size_t{kWorkers} * kSlots) std::abort();
   }
 
   void Heartbeat(size_t index) {
     const Held& lease = held[index];
-    scheduler.Heartbeat(lease.worker, {{lease.unit, lease.attempt}}, Attempt(0), now);
+    scheduler.workers().Heartbeat(lease.worker, {{lease.unit, lease.attempt}}, Attempt(0), now);
   }
 
   size_t Draw() {
@@ -113,8 +113,8 @@ void WorkerLeaves(benchmark::State& state) {
   Farm farm;
   int64_t next = kWorkers;
   for (auto _ : state) {
-    farm.scheduler.RemoveWorker(WorkerId(next - kWorkers));
-    farm.scheduler.AddWorker(WorkerId(next), {.numeric_class = "avx2", .slots = kSlots});
+    farm.scheduler.workers().Remove(WorkerId(next - kWorkers));
+    farm.scheduler.workers().Add(WorkerId(next), {.numeric_class = "avx2", .slots = kSlots});
     benchmark::DoNotOptimize(farm.scheduler.GrantLeases(farm.now));
     ++next;
   }

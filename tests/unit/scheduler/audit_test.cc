@@ -43,26 +43,26 @@ class AuditTest : public ::testing::Test {
   absl::Time now_ = kStart;
 
   void AddWorker(WorkerId id, int slots, const std::string& numeric_class = "avx2") {
-    scheduler_.AddWorker(
+    scheduler_.workers().Add(
         id, {.name = absl::StrCat("host-", id.value()), .numeric_class = numeric_class, .slots = slots});
   }
   Completion Complete(const GrantedLease& lease, const std::string& digest) {
-    return scheduler_.CompleteUnit(lease.worker, lease.unit, lease.attempt, now_, digest);
+    return scheduler_.units().Complete(lease.worker, lease.unit, lease.attempt, now_, digest);
   }
   /// Delivers and commits; the digest is that of the unit.
   void Commit(const GrantedLease& lease, const std::string& salt = "") {
     EXPECT_EQ(Complete(lease, Describe(lease.unit) + salt), Completion::kAccepted);
-    scheduler_.UnitCommitted(lease.unit);
+    scheduler_.units().Commit(lease.unit);
   }
 };
 
 TEST_F(AuditTest, EqualResultsOfTwoWorkersSettleTheAuditAndTheFrame) {
-  scheduler_.AddJob(kJob, Spec(2), {.audit_share = 1});
+  scheduler_.jobs().Add(kJob, Spec(2), {.audit_share = 1});
   AddWorker(kAnn, 4);
   const auto leases = scheduler_.GrantLeases(now_);
   ASSERT_EQ(leases.size(), 4u);
   for (const GrantedLease& lease : leases) Commit(lease);
-  EXPECT_THAT(scheduler_.CommittedFrames(kJob), IsEmpty());
+  EXPECT_THAT(scheduler_.frames().Committed(kJob), IsEmpty());
   EXPECT_THAT(scheduler_.GrantLeases(now_), IsEmpty()) << "nobody audits itself";
   AddWorker(kBen, 4);
   const auto audits = scheduler_.GrantLeases(now_);
@@ -73,24 +73,24 @@ TEST_F(AuditTest, EqualResultsOfTwoWorkersSettleTheAuditAndTheFrame) {
     EXPECT_EQ(Complete(lease, Describe(lease.unit)), Completion::kAudited);
     EXPECT_EQ(Complete(lease, Describe(lease.unit)), Completion::kDuplicate);
   }
-  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(0));
-  EXPECT_THAT(scheduler_.TakeSettledFrames(), ElementsAre(std::pair(kJob, 0)));
-  EXPECT_EQ(scheduler_.Progress(kJob).audits_settled, 4);
-  EXPECT_THAT(scheduler_.TakeFaulty(), IsEmpty());
-  EXPECT_TRUE(scheduler_.FrameFinished(kJob, 0));
+  EXPECT_THAT(scheduler_.frames().Committed(kJob), ElementsAre(0));
+  EXPECT_THAT(scheduler_.frames().TakeSettled(), ElementsAre(std::pair(kJob, 0)));
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).audits_settled, 4);
+  EXPECT_THAT(scheduler_.workers().TakeFaulty(), IsEmpty());
+  EXPECT_TRUE(scheduler_.frames().Finish(kJob, 0));
 }
 
 TEST_F(AuditTest, TheShareIsChosenByJobAndUnit) {
   std::set<UnitRef> audited[2];
   for (auto& units : audited) {
     Scheduler scheduler({});
-    scheduler.AddJob(kJob, Spec(1000), {.audit_share = 0.25});
-    scheduler.AddWorker(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 2000});
+    scheduler.jobs().Add(kJob, Spec(1000), {.audit_share = 0.25});
+    scheduler.workers().Add(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 2000});
     for (const GrantedLease& lease : scheduler.GrantLeases(now_)) {
-      scheduler.CompleteUnit(kAnn, lease.unit, lease.attempt, now_, "same");
-      scheduler.UnitCommitted(lease.unit);
+      scheduler.units().Complete(kAnn, lease.unit, lease.attempt, now_, "same");
+      scheduler.units().Commit(lease.unit);
     }
-    scheduler.AddWorker(kBen, {.name = "ben", .numeric_class = "avx2", .slots = 2000});
+    scheduler.workers().Add(kBen, {.name = "ben", .numeric_class = "avx2", .slots = 2000});
     for (const GrantedLease& lease : scheduler.GrantLeases(now_)) {
       EXPECT_TRUE(lease.audit);
       units.insert(lease.unit);
@@ -101,7 +101,7 @@ TEST_F(AuditTest, TheShareIsChosenByJobAndUnit) {
 }
 
 TEST_F(AuditTest, AThirdWorkerDecidesAndTheFaultyOneLosesAllItsUnits) {
-  scheduler_.AddJob(kJob, Spec(3, /*frames=*/2), {.audit_share = 0.5});
+  scheduler_.jobs().Add(kJob, Spec(3, /*frames=*/2), {.audit_share = 0.5});
   AddWorker(kAnn, 12);
   const auto leases = scheduler_.GrantLeases(now_);
   ASSERT_EQ(leases.size(), 12u);
@@ -112,21 +112,21 @@ TEST_F(AuditTest, AThirdWorkerDecidesAndTheFaultyOneLosesAllItsUnits) {
   ASSERT_THAT(audits, ::testing::Not(IsEmpty()));
   const size_t audited = audits.size();
   EXPECT_EQ(Complete(audits[0], "right"), Completion::kAudited);
-  EXPECT_THAT(scheduler_.TakeFaulty(), IsEmpty()) << "one against one";
+  EXPECT_THAT(scheduler_.workers().TakeFaulty(), IsEmpty()) << "one against one";
   const auto third = scheduler_.GrantLeases(now_);
   ASSERT_EQ(third.size(), 1u);
   EXPECT_EQ(third[0].unit, audits[0].unit);
   EXPECT_EQ(third[0].worker, kCat);
   EXPECT_EQ(Complete(third[0], "right"), Completion::kAudited);
-  const auto faulty = scheduler_.TakeFaulty();
+  const auto faulty = scheduler_.workers().TakeFaulty();
   ASSERT_EQ(faulty.size(), 1u);
   EXPECT_EQ(faulty[0].name, "host-1");
   EXPECT_THAT(faulty[0].reason, HasSubstr(Describe(third[0].unit)));
   EXPECT_EQ(faulty[0].units.size(), 12u);
-  EXPECT_EQ(scheduler_.DescribeWorker(kAnn)->state, v1::WORKER_STATE_BLOCKED);
-  EXPECT_THAT(scheduler_.CommittedFrames(kJob), IsEmpty()) << "until the units are revoked";
-  for (const UnitRef& unit : faulty[0].units) EXPECT_TRUE(scheduler_.RevokeUnit(unit));
-  EXPECT_EQ(scheduler_.TakeVoided().size(), audited - 1) << "audits of revoked units are void";
+  EXPECT_EQ(scheduler_.workers().Describe(kAnn)->state, v1::WORKER_STATE_BLOCKED);
+  EXPECT_THAT(scheduler_.frames().Committed(kJob), IsEmpty()) << "until the units are revoked";
+  for (const UnitRef& unit : faulty[0].units) EXPECT_TRUE(scheduler_.units().Revoke(unit));
+  EXPECT_EQ(scheduler_.units().TakeRevoked().size(), audited - 1) << "audits of revoked units end";
   const auto again = scheduler_.GrantLeases(now_);
   EXPECT_EQ(again.size(), 12u);
   for (const GrantedLease& lease : again) {
@@ -134,11 +134,11 @@ TEST_F(AuditTest, AThirdWorkerDecidesAndTheFaultyOneLosesAllItsUnits) {
     Commit(lease);
   }
   for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Complete(lease, Describe(lease.unit));
-  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(0, 1));
+  EXPECT_THAT(scheduler_.frames().Committed(kJob), ElementsAre(0, 1));
 }
 
 TEST_F(AuditTest, AnAuditorThatIsWrongIsFoundToo) {
-  scheduler_.AddJob(kJob, Spec(1), {.audit_share = 1});
+  scheduler_.jobs().Add(kJob, Spec(1), {.audit_share = 1});
   AddWorker(kAnn, 2);
   for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
   AddWorker(kBen, 1);
@@ -149,15 +149,15 @@ TEST_F(AuditTest, AnAuditorThatIsWrongIsFoundToo) {
   for (int i = 0; i < 2; ++i) {
     for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Complete(lease, Describe(lease.unit));
   }
-  const auto faulty = scheduler_.TakeFaulty();
+  const auto faulty = scheduler_.workers().TakeFaulty();
   ASSERT_EQ(faulty.size(), 1u);
   EXPECT_EQ(faulty[0].name, "host-2");
   EXPECT_THAT(faulty[0].units, IsEmpty());
-  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(0));
+  EXPECT_THAT(scheduler_.frames().Committed(kJob), ElementsAre(0));
 }
 
 TEST_F(AuditTest, AUnitThatIsBeingCommittedWhenItsWorkerIsFoundFaultyIsReportedAfterwards) {
-  scheduler_.AddJob(kJob, Spec(1), {.audit_share = 1});
+  scheduler_.jobs().Add(kJob, Spec(1), {.audit_share = 1});
   AddWorker(kAnn, 2);
   const auto leases = scheduler_.GrantLeases(now_);
   Commit(leases[0], "wrong");
@@ -167,25 +167,25 @@ TEST_F(AuditTest, AUnitThatIsBeingCommittedWhenItsWorkerIsFoundFaultyIsReportedA
   for (int i = 0; i < 4; ++i) {
     for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Complete(lease, "right");
   }
-  auto faulty = scheduler_.TakeFaulty();
+  auto faulty = scheduler_.workers().TakeFaulty();
   ASSERT_FALSE(faulty.empty());
   EXPECT_THAT(faulty[0].units, ElementsAre(leases[0].unit));
-  EXPECT_FALSE(scheduler_.UnitCommitted(leases[1].unit));
-  faulty = scheduler_.TakeFaulty();
+  EXPECT_FALSE(scheduler_.units().Commit(leases[1].unit));
+  faulty = scheduler_.workers().TakeFaulty();
   ASSERT_EQ(faulty.size(), 1u);
   EXPECT_THAT(faulty[0].units, ElementsAre(leases[1].unit));
-  EXPECT_TRUE(scheduler_.RevokeUnit(leases[1].unit));
+  EXPECT_TRUE(scheduler_.units().Revoke(leases[1].unit));
 }
 
 TEST_F(AuditTest, ARestartBeginsTheAuditsOfUnfinishedFramesAgain) {
-  scheduler_.AddJob(kJob, Spec(1), {.numeric_class = "avx2", .audit_share = 1});
+  scheduler_.jobs().Add(kJob, Spec(1), {.numeric_class = "avx2", .audit_share = 1});
   const job::FrameUnits units(Spec(1));
   for (int64_t number = 0; number < units.count(); ++number) {
     const job::UnitKey key = units.KeyOf(0, number);
     EXPECT_TRUE(
-        scheduler_.RestoreCommittedUnit(kJob, {key, "host-1", Describe(UnitRef{kJob, key}) + "wrong"}, now_));
+        scheduler_.units().Restore(kJob, {key, "host-1", Describe(UnitRef{kJob, key}) + "wrong"}, now_));
   }
-  EXPECT_THAT(scheduler_.CommittedFrames(kJob), IsEmpty());
+  EXPECT_THAT(scheduler_.frames().Committed(kJob), IsEmpty());
   AddWorker(kBen, 2);
   AddWorker(kCat, 2);
   for (int i = 0; i < 2; ++i) {
@@ -194,82 +194,82 @@ TEST_F(AuditTest, ARestartBeginsTheAuditsOfUnfinishedFramesAgain) {
       Complete(lease, Describe(lease.unit));
     }
   }
-  const auto faulty = scheduler_.TakeFaulty();
+  const auto faulty = scheduler_.workers().TakeFaulty();
   ASSERT_FALSE(faulty.empty());
   EXPECT_EQ(faulty[0].name, "host-1");
   EXPECT_EQ(faulty[0].units.size(), 2u);
 }
 
 TEST_F(AuditTest, ARestoredUnitOfAnUnknownWorkerIsNotAudited) {
-  scheduler_.AddJob(kJob, Spec(1), {.audit_share = 1});
+  scheduler_.jobs().Add(kJob, Spec(1), {.audit_share = 1});
   const job::FrameUnits units(Spec(1));
   for (int64_t number = 0; number < units.count(); ++number)
-    EXPECT_TRUE(scheduler_.RestoreCommittedUnit(kJob, {units.KeyOf(0, number)}, now_));
-  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(0));
-  EXPECT_EQ(scheduler_.Progress(kJob).audits_waived, 2);
+    EXPECT_TRUE(scheduler_.units().Restore(kJob, {units.KeyOf(0, number)}, now_));
+  EXPECT_THAT(scheduler_.frames().Committed(kJob), ElementsAre(0));
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).audits_waived, 2);
 }
 
 TEST_F(AuditTest, AResultThatIsWrittenOutlivesTheVerdict) {
   const JobId other("j-other");
-  scheduler_.AddJob(other, Spec(1));
-  scheduler_.AddJob(kJob, Spec(1), {.audit_share = 1});
+  scheduler_.jobs().Add(other, Spec(1));
+  scheduler_.jobs().Add(kJob, Spec(1), {.audit_share = 1});
   AddWorker(kAnn, 4);
   for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease, "wrong");
-  EXPECT_TRUE(scheduler_.IsFrameCommitted(other, 0));
+  EXPECT_TRUE(scheduler_.frames().IsCommitted(other, 0));
   AddWorker(kBen, 2);
   AddWorker(kCat, 2);
   for (int i = 0; i < 2; ++i) {
     for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Complete(lease, Describe(lease.unit));
   }
-  ASSERT_FALSE(scheduler_.TakeFaulty().empty());
-  EXPECT_FALSE(scheduler_.IsFrameCommitted(other, 0));
-  EXPECT_TRUE(scheduler_.FrameFinished(other, 0));
+  ASSERT_FALSE(scheduler_.workers().TakeFaulty().empty());
+  EXPECT_FALSE(scheduler_.frames().IsCommitted(other, 0));
+  EXPECT_TRUE(scheduler_.frames().Finish(other, 0));
 }
 
 TEST_F(AuditTest, AnAuditIsWaivedWhenNoOtherWorkerCanBeFound) {
-  scheduler_.AddJob(kJob, Spec(1), {.audit_share = 1});
+  scheduler_.jobs().Add(kJob, Spec(1), {.audit_share = 1});
   AddWorker(kAnn, 2);
   for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
-  scheduler_.AddWorker(WorkerId(9), {.name = "host-1", .numeric_class = "avx2"});  // the same machine
-  AddWorker(kBen, 1, "sse2");                                                      // another class
+  scheduler_.workers().Add(WorkerId(9), {.name = "host-1", .numeric_class = "avx2"});  // the same machine
+  AddWorker(kBen, 1, "sse2");                                                          // another class
   EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Minutes(5));
   EXPECT_EQ(scheduler_.Explain(kJob, now_).at(0).code, "audit");
   scheduler_.ExpireLeases(kStart + absl::Minutes(5));
-  EXPECT_EQ(scheduler_.Progress(kJob).audits_waived, 2);
-  EXPECT_THAT(scheduler_.TakeSettledFrames(), ElementsAre(std::pair(kJob, 0)));
-  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(0));
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).audits_waived, 2);
+  EXPECT_THAT(scheduler_.frames().TakeSettled(), ElementsAre(std::pair(kJob, 0)));
+  EXPECT_THAT(scheduler_.frames().Committed(kJob), ElementsAre(0));
 }
 
 TEST_F(AuditTest, AnAuditorThatFailsOrLeavesDoesNotEndTheAudit) {
-  scheduler_.AddJob(kJob, Spec(1), {.audit_share = 1});
+  scheduler_.jobs().Add(kJob, Spec(1), {.audit_share = 1});
   AddWorker(kAnn, 2);
   for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
   AddWorker(kBen, 2);
   const auto audits = scheduler_.GrantLeases(now_);
   ASSERT_EQ(audits.size(), 2u);
-  EXPECT_EQ(scheduler_.FailUnit(kBen, audits[0].unit, audits[0].attempt, true, now_),
+  EXPECT_EQ(scheduler_.units().Fail(kBen, audits[0].unit, audits[0].attempt, true, now_),
             FailureOutcome::kRetried);
   EXPECT_THAT(scheduler_.GrantLeases(now_), IsEmpty()) << "it has declined";
-  EXPECT_THAT(scheduler_.RemoveWorker(kBen), IsEmpty());
+  EXPECT_THAT(scheduler_.workers().Remove(kBen), IsEmpty());
   AddWorker(kCat, 2);
   const auto again = scheduler_.GrantLeases(now_);
   ASSERT_EQ(again.size(), 2u);
   for (const GrantedLease& lease : again)
     EXPECT_EQ(Complete(lease, Describe(lease.unit)), Completion::kAudited);
-  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(0));
+  EXPECT_THAT(scheduler_.frames().Committed(kJob), ElementsAre(0));
 }
 
-TEST_F(AuditTest, FiveWorkersOfWhichNoTwoAgreeConvictNobody) {
-  scheduler_.AddJob(kJob, Spec(1), {.audit_share = 1});
+TEST_F(AuditTest, FiveWorkersOfWhichNoTwoAgreeGetNobodyBlocked) {
+  scheduler_.jobs().Add(kJob, Spec(1), {.audit_share = 1});
   AddWorker(kAnn, 2);
   for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
   for (int64_t i = 2; i <= 6; ++i) {
     AddWorker(WorkerId(i), 2);
     for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Complete(lease, absl::StrCat("mine ", i));
   }
-  EXPECT_THAT(scheduler_.TakeFaulty(), IsEmpty());
-  EXPECT_EQ(scheduler_.Progress(kJob).audits_waived, 2);
-  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(0));
+  EXPECT_THAT(scheduler_.workers().TakeFaulty(), IsEmpty());
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).audits_waived, 2);
+  EXPECT_THAT(scheduler_.frames().Committed(kJob), ElementsAre(0));
 }
 
 }  // namespace

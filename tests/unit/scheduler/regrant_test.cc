@@ -25,7 +25,8 @@ UnitRef Pass(int tile, int pass, const job::JobId& job = kJob, int32_t frame = 1
 class RegrantTest : public SchedulerFixture {
  protected:
   void AddWorker(WorkerId worker, int slots, uint64_t instance = 0, const std::string& name = "ann") {
-    scheduler_.AddWorker(worker, {.name = name, .numeric_class = "c", .instance = instance, .slots = slots});
+    scheduler_.workers().Add(worker,
+                             {.name = name, .numeric_class = "c", .instance = instance, .slots = slots});
   }
   std::vector<GrantedLease> Regrant(WorkerId worker, const std::vector<UnitRef>& units) {
     return scheduler_.Regrant(worker, units, kStart);
@@ -45,7 +46,7 @@ class RegrantTest : public SchedulerFixture {
 };
 
 TEST_F(RegrantTest, UnitsThatWereNeverLeasedHereAreLeasedOnce) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   AddWorker(kAnn, 4);
   const auto leases = Regrant(kAnn, {Pass(3, 1), Pass(1, 0)});
   ASSERT_THAT(leases, SizeIs(2));
@@ -55,18 +56,18 @@ TEST_F(RegrantTest, UnitsThatWereNeverLeasedHereAreLeasedOnce) {
   EXPECT_THAT(Regrant(kAnn, {Pass(3, 1)}), IsEmpty()) << "it has the lease";
   for (const GrantedLease& lease : leases) Commit(kAnn, lease);
   EXPECT_EQ(Finish(kAnn), 10) << "12 units, of which two are committed";
-  EXPECT_TRUE(scheduler_.IsFrameCommitted(kJob, 10));
+  EXPECT_TRUE(scheduler_.frames().IsCommitted(kJob, 10));
 }
 
 TEST_F(RegrantTest, TheOtherUnitsKeepTheirOrder) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   AddWorker(kAnn, 12);
   const std::vector<GrantedLease> all = scheduler_.GrantLeases(kStart);
   std::vector<UnitRef> order;
   for (const GrantedLease& lease : all) order.push_back(lease.unit);
   Scheduler other({.lease = absl::Seconds(30)});
-  other.AddJob(kJob, Spec());
-  other.AddWorker(kAnn, {.name = "ann", .numeric_class = "c", .slots = 12});
+  other.jobs().Add(kJob, Spec());
+  other.workers().Add(kAnn, {.name = "ann", .numeric_class = "c", .slots = 12});
   const std::vector<UnitRef> in_hand = {order[5], order[6], order[11]};
   EXPECT_THAT(other.Regrant(kAnn, in_hand, kStart), SizeIs(3));
   std::vector<UnitRef> rest;
@@ -79,59 +80,59 @@ TEST_F(RegrantTest, TheOtherUnitsKeepTheirOrder) {
 }
 
 TEST_F(RegrantTest, ALeaseThatIsHandedBackIsFreeLikeAnyOther) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   AddWorker(kAnn, 12);
   const auto leases = Regrant(kAnn, {Pass(3, 1)});
-  EXPECT_TRUE(scheduler_.HandBack(kAnn, leases[0].unit, leases[0].attempt));
+  EXPECT_TRUE(scheduler_.units().HandBack(kAnn, leases[0].unit, leases[0].attempt));
   EXPECT_EQ(Finish(kAnn), 12);
 }
 
 TEST_F(RegrantTest, AUnitThatIsRevokedIsLeasedAgain) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   AddWorker(kAnn, 12);
   Commit(kAnn, Regrant(kAnn, {Pass(3, 1)})[0]);
-  EXPECT_TRUE(scheduler_.RevokeUnit(Pass(3, 1)));
+  EXPECT_TRUE(scheduler_.units().Revoke(Pass(3, 1)));
   EXPECT_EQ(Finish(kAnn), 12);
 }
 
 TEST_F(RegrantTest, HoldsNoMoreLeasesThanTheWorkerHasSlots) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   AddWorker(kAnn, 2);
   EXPECT_THAT(Regrant(kAnn, {Pass(0, 0), Pass(0, 1), Pass(1, 0)}), SizeIs(2));
   EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
 }
 
 TEST_F(RegrantTest, NothingOfWhatTheWorkerMayNotLease) {
-  scheduler_.AddJob(kJob, Spec(), {.paused = true});
-  scheduler_.AddJob(kOther, Spec(), {.tags = {"gpu"}});
+  scheduler_.jobs().Add(kJob, Spec(), {.paused = true});
+  scheduler_.jobs().Add(kOther, Spec(), {.tags = {"gpu"}});
   AddWorker(kAnn, 4);
   EXPECT_THAT(Regrant(kAnn, {Pass(0, 0), Pass(0, 0, kOther), Pass(0, 0, job::JobId("j-3"))}), IsEmpty());
-  scheduler_.ResumeJob(kJob);
+  scheduler_.jobs().Resume(kJob);
   EXPECT_THAT(Regrant(kAnn, {Pass(99, 0), Pass(0, 9), Pass(0, 0, kJob, 11)}), IsEmpty()) << "no such units";
-  scheduler_.BlockWorker("ann", "");
+  scheduler_.workers().Block("ann", "");
   EXPECT_THAT(Regrant(kAnn, {Pass(0, 0)}), IsEmpty());
 }
 
 TEST_F(RegrantTest, OpensNoFrameBeyondTheLimit) {
-  scheduler_.AddJob(kJob, Spec(2));
-  scheduler_.SetMaxActiveFrames(1);
+  scheduler_.jobs().Add(kJob, Spec(2));
+  scheduler_.frames().SetMaxActive(1);
   AddWorker(kAnn, 4);
   EXPECT_THAT(Regrant(kAnn, {Pass(0, 0), Pass(0, 0, kJob, 11)}), SizeIs(1));
 }
 
 TEST_F(RegrantTest, AUnitThatHasAResultIsNotWanted) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   AddWorker(kAnn, 1);
-  EXPECT_FALSE(scheduler_.HasResult(Pass(0, 0)));
+  EXPECT_FALSE(scheduler_.units().HasResult(Pass(0, 0)));
   const auto leases = Regrant(kAnn, {Pass(0, 0)});
-  scheduler_.CompleteUnit(kAnn, leases[0].unit, leases[0].attempt, kStart);
-  EXPECT_TRUE(scheduler_.HasResult(Pass(0, 0)));
+  scheduler_.units().Complete(kAnn, leases[0].unit, leases[0].attempt, kStart);
+  EXPECT_TRUE(scheduler_.units().HasResult(Pass(0, 0)));
   AddWorker(kBen, 1, 0, "ben");
   EXPECT_THAT(Regrant(kBen, {Pass(0, 0)}), IsEmpty());
 }
 
 TEST_F(RegrantTest, AUnitThatAnotherWorkerGotMeanwhileIsLeasedTwiceAndTheFirstResultCounts) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   AddWorker(kBen, 1, 0, "ben");
   const auto first = scheduler_.GrantLeases(kStart);
   AddWorker(kAnn, 1);
@@ -140,12 +141,12 @@ TEST_F(RegrantTest, AUnitThatAnotherWorkerGotMeanwhileIsLeasedTwiceAndTheFirstRe
   AddWorker(WorkerId(3), 1, 0, "cid");
   EXPECT_THAT(Regrant(WorkerId(3), {first[0].unit}), IsEmpty()) << "a third lease";
   Commit(kAnn, second[0]);
-  EXPECT_FALSE(scheduler_.HoldsLease(kBen, first[0].unit, first[0].attempt));
-  ASSERT_THAT(scheduler_.TakeVoided(), SizeIs(1));
+  EXPECT_FALSE(scheduler_.units().HoldsLease(kBen, first[0].unit, first[0].attempt));
+  ASSERT_THAT(scheduler_.units().TakeRevoked(), SizeIs(1));
 }
 
 TEST_F(RegrantTest, TheLeasesOfAnEarlierConnectionAreThoseOfTheNext) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   AddWorker(kAnn, 4, kProcess);
   const auto before = scheduler_.GrantLeases(kStart);
   AddWorker(kBen, 4, kProcess);  // the same process; the end of its first connection is not known yet
@@ -153,23 +154,24 @@ TEST_F(RegrantTest, TheLeasesOfAnEarlierConnectionAreThoseOfTheNext) {
   ASSERT_THAT(after, SizeIs(2));
   EXPECT_NE(after[0].attempt, before[1].attempt);
   for (const GrantedLease& lease : before)
-    EXPECT_FALSE(scheduler_.HoldsLease(kAnn, lease.unit, lease.attempt));
+    EXPECT_FALSE(scheduler_.units().HoldsLease(kAnn, lease.unit, lease.attempt));
   for (const GrantedLease& lease : scheduler_.GrantLeases(kStart)) EXPECT_EQ(lease.worker, kBen);
-  EXPECT_THAT(scheduler_.RemoveWorker(kAnn), IsEmpty());
-  for (const GrantedLease& lease : after) EXPECT_TRUE(scheduler_.HoldsLease(kBen, lease.unit, lease.attempt));
+  EXPECT_THAT(scheduler_.workers().Remove(kAnn), IsEmpty());
+  for (const GrantedLease& lease : after)
+    EXPECT_TRUE(scheduler_.units().HoldsLease(kBen, lease.unit, lease.attempt));
 }
 
 TEST_F(RegrantTest, AnInstanceOfAnotherNameIsAnotherProcess) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   AddWorker(kAnn, 4, kProcess);
   const auto before = scheduler_.GrantLeases(kStart);
   AddWorker(kBen, 4, kProcess, "ben");
   for (const GrantedLease& lease : before)
-    EXPECT_TRUE(scheduler_.HoldsLease(kAnn, lease.unit, lease.attempt));
+    EXPECT_TRUE(scheduler_.units().HoldsLease(kAnn, lease.unit, lease.attempt));
 }
 
 TEST_F(RegrantTest, ConnectionsThatBreakAgainAndAgainAreNoLosses) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   for (int i = 1; i <= 20;
        ++i) {  // as losses, these would put the unit into quarantine and then fail the job
     AddWorker(WorkerId(i), 1, kProcess);
@@ -178,8 +180,8 @@ TEST_F(RegrantTest, ConnectionsThatBreakAgainAndAgainAreNoLosses) {
     EXPECT_FALSE(leases[0].alone);
     // Half of them before the next one connects, half of them after.
     if (i % 2 == 1) continue;
-    EXPECT_THAT(scheduler_.RemoveWorker(WorkerId(i)), IsEmpty());
-    EXPECT_THAT(scheduler_.RemoveWorker(WorkerId(i - 1)), IsEmpty());
+    EXPECT_THAT(scheduler_.workers().Remove(WorkerId(i)), IsEmpty());
+    EXPECT_THAT(scheduler_.workers().Remove(WorkerId(i - 1)), IsEmpty());
   }
 }
 

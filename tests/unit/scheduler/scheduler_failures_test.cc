@@ -19,56 +19,57 @@ using ::testing::IsEmpty;
 using SchedulerFailuresTest = SchedulerFixture;
 
 TEST_F(SchedulerFailuresTest, AFailedUnitGoesToAnotherWorkerWhereThereIsOne) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
-  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.workers().Add(kBen, {.numeric_class = "avx2", .slots = 1});
   const GrantedLease failed = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  EXPECT_EQ(scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, false, kStart), FailureOutcome::kRetried);
+  EXPECT_EQ(scheduler_.units().Fail(kAnn, failed.unit, failed.attempt, false, kStart),
+            FailureOutcome::kRetried);
   scheduler_.ExpireLeases(kStart + absl::Seconds(1));  // the backoff is over
   EXPECT_NE(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, failed.unit);
   EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit, failed.unit);
 }
 
 TEST_F(SchedulerFailuresTest, AWorkerThatFailedAUnitAndReconnectsIsStillTheSame) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.name = "bad", .numeric_class = "avx2", .slots = 1});
-  scheduler_.AddWorker(kBen, {.name = "good", .numeric_class = "avx2", .slots = 1});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.name = "bad", .numeric_class = "avx2", .slots = 1});
+  scheduler_.workers().Add(kBen, {.name = "good", .numeric_class = "avx2", .slots = 1});
   const GrantedLease failed = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, false, kStart);
-  scheduler_.RemoveWorker(kAnn);
+  scheduler_.units().Fail(kAnn, failed.unit, failed.attempt, false, kStart);
+  scheduler_.workers().Remove(kAnn);
   const WorkerId again(3);
-  scheduler_.AddWorker(again, {.name = "bad", .numeric_class = "avx2", .slots = 1});
+  scheduler_.workers().Add(again, {.name = "bad", .numeric_class = "avx2", .slots = 1});
   scheduler_.ExpireLeases(kStart + absl::Seconds(1));  // the backoff is over
   EXPECT_NE(scheduler_.GrantLeases(again, kStart).at(0).unit, failed.unit);
   EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit, failed.unit);
 }
 
 TEST_F(SchedulerFailuresTest, ADroppedUnitGoesToAnotherWorkerWhereThereIsOne) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 1});
   const GrantedLease first = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  const std::vector<LateLease> late = scheduler_.Heartbeat(kAnn, {}, first.attempt, kStart);
+  const std::vector<LateLease> late = scheduler_.workers().Heartbeat(kAnn, {}, first.attempt, kStart);
   ASSERT_EQ(late.size(), 1u);
   EXPECT_EQ(late[0].unit, first.unit);
   EXPECT_EQ(late[0].lateness, Lateness::kDropped);
   EXPECT_EQ(late[0].job_error, "");
   const GrantedLease again = scheduler_.GrantLeases(kAnn, kStart).at(0);
   EXPECT_EQ(again.unit, first.unit) << "there is no other worker";
-  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
-  scheduler_.Heartbeat(kAnn, {}, again.attempt, kStart);
+  scheduler_.workers().Add(kBen, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.workers().Heartbeat(kAnn, {}, again.attempt, kStart);
   EXPECT_NE(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, first.unit);
   EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit, first.unit);
 }
 
 TEST_F(SchedulerFailuresTest, ThreeFailuresOfAUnitFailTheJobWithLongerAndLongerPauses) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 12});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 12});
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
   GrantedLease lease = leases[0];
   absl::Time now = kStart;
   for (const absl::Duration pause : {absl::Seconds(1), absl::Seconds(2)}) {
-    EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false, now), FailureOutcome::kRetried);
-    EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false, now), FailureOutcome::kIgnored);
+    EXPECT_EQ(scheduler_.units().Fail(kAnn, lease.unit, lease.attempt, false, now), FailureOutcome::kRetried);
+    EXPECT_EQ(scheduler_.units().Fail(kAnn, lease.unit, lease.attempt, false, now), FailureOutcome::kIgnored);
     EXPECT_EQ(scheduler_.NextExpiry(), now + pause);
     scheduler_.ExpireLeases(now + pause - absl::Milliseconds(1));
     EXPECT_THAT(scheduler_.GrantLeases(now), IsEmpty());
@@ -79,75 +80,77 @@ TEST_F(SchedulerFailuresTest, ThreeFailuresOfAUnitFailTheJobWithLongerAndLongerP
     EXPECT_EQ(again[0].unit, lease.unit);
     lease = again[0];
   }
-  EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false, now), FailureOutcome::kJobFails);
+  EXPECT_EQ(scheduler_.units().Fail(kAnn, lease.unit, lease.attempt, false, now), FailureOutcome::kJobFails);
 }
 
 TEST_F(SchedulerFailuresTest, APermanentFailureFailsTheJobAtOnceIfNobodyElseCanBeAsked) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 1});
   const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, true, kStart), FailureOutcome::kJobFails);
+  EXPECT_EQ(scheduler_.units().Fail(kAnn, lease.unit, lease.attempt, true, kStart),
+            FailureOutcome::kJobFails);
 }
 
 TEST_F(SchedulerFailuresTest, APermanentFailureIsBelievedWhenASecondWorkerAgrees) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
-  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.workers().Add(kBen, {.numeric_class = "avx2", .slots = 1});
   const GrantedLease first = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  EXPECT_EQ(scheduler_.FailUnit(kAnn, first.unit, first.attempt, true, kStart), FailureOutcome::kRetried);
+  EXPECT_EQ(scheduler_.units().Fail(kAnn, first.unit, first.attempt, true, kStart), FailureOutcome::kRetried);
   const GrantedLease second = scheduler_.GrantLeases(kBen, kStart).at(0);
   EXPECT_EQ(second.unit, first.unit) << "the second opinion is asked for at once";
-  EXPECT_EQ(scheduler_.FailUnit(kBen, second.unit, second.attempt, true, kStart), FailureOutcome::kJobFails);
+  EXPECT_EQ(scheduler_.units().Fail(kBen, second.unit, second.attempt, true, kStart),
+            FailureOutcome::kJobFails);
 }
 
-TEST_F(SchedulerFailuresTest, AWorkerThatFailsWhatOthersRenderIsSetAsideForAWhile) {
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+TEST_F(SchedulerFailuresTest, AWorkerThatFailsWhatOthersRenderCoolsDownForAWhile) {
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 1});
   for (const JobId& job : {kJob, kOther}) {
-    scheduler_.AddJob(job, Spec());
+    scheduler_.jobs().Add(job, Spec());
     const GrantedLease failed = scheduler_.GrantLeases(kAnn, kStart).at(0);
-    if (job == kJob) scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 12});
-    scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, true, kStart);
-    EXPECT_EQ(scheduler_.SetAsideReason(kAnn), "");
+    if (job == kJob) scheduler_.workers().Add(kBen, {.numeric_class = "avx2", .slots = 12});
+    scheduler_.units().Fail(kAnn, failed.unit, failed.attempt, true, kStart);
+    EXPECT_EQ(scheduler_.workers().CoolDownReason(kAnn), "");
     for (const GrantedLease& lease : scheduler_.GrantLeases(kBen, kStart)) Commit(kBen, lease);
     if (job == kJob) {
-      EXPECT_THAT(scheduler_.TakeSetAside(), IsEmpty()) << "one job may be to blame itself";
-      scheduler_.EndJob(job);
+      EXPECT_THAT(scheduler_.workers().TakeCooling(), IsEmpty()) << "one job may be at fault itself";
+      scheduler_.jobs().End(job);
     }
   }
-  const std::vector<SetAsideWorker> aside = scheduler_.TakeSetAside();
+  const std::vector<CoolingWorker> aside = scheduler_.workers().TakeCooling();
   ASSERT_EQ(aside.size(), 1u);
   EXPECT_EQ(aside[0].worker, kAnn);
   EXPECT_EQ(aside[0].until, kStart + absl::Minutes(5));
   EXPECT_EQ(aside[0].reason, "it failed units of 2 jobs that other workers rendered");
-  EXPECT_EQ(scheduler_.SetAsideReason(kAnn), aside[0].reason);
-  scheduler_.AddJob(kJob, Spec());
+  EXPECT_EQ(scheduler_.workers().CoolDownReason(kAnn), aside[0].reason);
+  scheduler_.jobs().Add(kJob, Spec());
   EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart), IsEmpty());
   EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Minutes(5));
   scheduler_.ExpireLeases(kStart + absl::Minutes(5));
-  EXPECT_EQ(scheduler_.SetAsideReason(kAnn), "");
+  EXPECT_EQ(scheduler_.workers().CoolDownReason(kAnn), "");
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart + absl::Minutes(5)).size(), 1u);
 }
 
 TEST_F(SchedulerFailuresTest, AUnitThatCrashesWorkersRunsAloneAndThenItsJobFails) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(WorkerId(1), {.name = "host:1", .numeric_class = "avx2", .slots = 1});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(WorkerId(1), {.name = "host:1", .numeric_class = "avx2", .slots = 1});
   const UnitRef poison = GrantReceived().at(0).unit;
   for (int64_t i = 2; i <= 3; ++i) {
-    EXPECT_THAT(scheduler_.RemoveWorker(WorkerId(i - 1)), IsEmpty());
-    scheduler_.AddWorker(WorkerId(i),
-                         {.name = absl::StrCat("host:", i), .numeric_class = "avx2", .slots = 1});
+    EXPECT_THAT(scheduler_.workers().Remove(WorkerId(i - 1)), IsEmpty());
+    scheduler_.workers().Add(WorkerId(i),
+                             {.name = absl::StrCat("host:", i), .numeric_class = "avx2", .slots = 1});
     EXPECT_EQ(GrantReceived().at(0).unit, poison);
   }
-  scheduler_.RemoveWorker(WorkerId(3));
-  scheduler_.AddWorker(WorkerId(4), {.name = "host:4", .numeric_class = "avx2", .slots = 3});
-  scheduler_.AddWorker(WorkerId(5), {.name = "host:5", .numeric_class = "avx2", .slots = 2});
+  scheduler_.workers().Remove(WorkerId(3));
+  scheduler_.workers().Add(WorkerId(4), {.name = "host:4", .numeric_class = "avx2", .slots = 3});
+  scheduler_.workers().Add(WorkerId(5), {.name = "host:5", .numeric_class = "avx2", .slots = 2});
   const auto leases = GrantReceived();
   ASSERT_EQ(leases.size(), 3u);
   EXPECT_EQ(leases[0].unit, poison);
   EXPECT_EQ(leases[0].worker, WorkerId(4));
   EXPECT_TRUE(leases[0].alone);
   EXPECT_EQ(leases[1].worker, WorkerId(5)) << "the worker in quarantine gets nothing else";
-  const std::vector<FailedJob> failed = scheduler_.RemoveWorker(WorkerId(4));
+  const std::vector<FailedJob> failed = scheduler_.workers().Remove(WorkerId(4));
   ASSERT_EQ(failed.size(), 1u);
   EXPECT_EQ(failed[0].job, kJob);
   EXPECT_THAT(failed[0].error, HasSubstr("j-1 frame 10 tile 0 geometry: workers were lost with it 4 times"));
@@ -155,13 +158,13 @@ TEST_F(SchedulerFailuresTest, AUnitThatCrashesWorkersRunsAloneAndThenItsJobFails
 }
 
 TEST_F(SchedulerFailuresTest, AUnitInQuarantineThatIsRenderedIsCommittedLikeAnyOther) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   for (int64_t i = 1; i <= 3; ++i) {
-    scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = 2});
+    scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2", .slots = 2});
     GrantReceived();
-    scheduler_.RemoveWorker(WorkerId(i));
+    scheduler_.workers().Remove(WorkerId(i));
   }
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 2});
   for (int i = 0; i < 2; ++i) {
     const auto alone = GrantReceived();
     ASSERT_EQ(alone.size(), 1u);
@@ -175,44 +178,45 @@ TEST_F(SchedulerFailuresTest, AUnitInQuarantineThatIsRenderedIsCommittedLikeAnyO
 }
 
 TEST_F(SchedulerFailuresTest, AUnitInQuarantineWaitsUntilItsWorkerIsIdle) {
-  scheduler_.AddJob(kOther, Spec());
-  scheduler_.AddWorker(WorkerId(9), {.numeric_class = "avx2", .slots = 2});
+  scheduler_.jobs().Add(kOther, Spec());
+  scheduler_.workers().Add(WorkerId(9), {.numeric_class = "avx2", .slots = 2});
   const GrantedLease busy = GrantReceived().at(0);
   for (int64_t i = 1; i <= 3; ++i) {
-    scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = 1});
+    scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2", .slots = 1});
     GrantReceived();
-    scheduler_.RemoveWorker(WorkerId(i));
+    scheduler_.workers().Remove(WorkerId(i));
   }
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   Commit(WorkerId(9), busy);  // one slot is free, the other one is not
   EXPECT_THAT(GrantReceived(), IsEmpty());
-  scheduler_.EndJob(kOther);
+  scheduler_.jobs().End(kOther);
   EXPECT_EQ(GrantReceived().size(), 2u) << "the unit in quarantine has ended with its job";
 }
 
 TEST_F(SchedulerFailuresTest, AWorkerThatIsLostWithItsUnitAgainAndAgainCountsAsSeveral) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   for (int64_t i = 1; i <= 6; ++i) {
-    scheduler_.AddWorker(WorkerId(i), {.name = "restarted", .numeric_class = "avx2", .slots = 1});
+    scheduler_.workers().Add(WorkerId(i), {.name = "restarted", .numeric_class = "avx2", .slots = 1});
     EXPECT_FALSE(GrantReceived().at(0).alone);
-    scheduler_.RemoveWorker(WorkerId(i));
+    scheduler_.workers().Remove(WorkerId(i));
   }
-  scheduler_.AddWorker(WorkerId(7), {.name = "restarted", .numeric_class = "avx2", .slots = 1});
+  scheduler_.workers().Add(WorkerId(7), {.name = "restarted", .numeric_class = "avx2", .slots = 1});
   EXPECT_TRUE(GrantReceived().at(0).alone);
 }
 
 TEST_F(SchedulerFailuresTest, AWorkerThatComesBackWasNotEndedByItsUnit) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   for (int64_t i = 1; i <= 20; ++i) {
-    scheduler_.AddWorker(WorkerId(i), {.name = "one", .numeric_class = "avx2", .instance = 7, .slots = 1});
+    scheduler_.workers().Add(WorkerId(i),
+                             {.name = "one", .numeric_class = "avx2", .instance = 7, .slots = 1});
     EXPECT_FALSE(GrantReceived().at(0).alone);
-    scheduler_.RemoveWorker(WorkerId(i));
+    scheduler_.workers().Remove(WorkerId(i));
   }
 }
 
 TEST_F(SchedulerFailuresTest, NorWasOneThatWasSilentForAWhile) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.name = "one", .numeric_class = "avx2", .instance = 7, .slots = 1});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.name = "one", .numeric_class = "avx2", .instance = 7, .slots = 1});
   absl::Time now = kStart;
   for (int i = 0; i < 20; ++i) {
     const std::vector<GrantedLease> leases = scheduler_.GrantLeases(now);
@@ -220,38 +224,38 @@ TEST_F(SchedulerFailuresTest, NorWasOneThatWasSilentForAWhile) {
     EXPECT_FALSE(leases[0].alone);
     now += absl::Minutes(1);
     EXPECT_EQ(scheduler_.ExpireLeases(now).size(), 1u);
-    EXPECT_THAT(scheduler_.Heartbeat(kAnn, {}, leases[0].attempt, now), IsEmpty());
+    EXPECT_THAT(scheduler_.workers().Heartbeat(kAnn, {}, leases[0].attempt, now), IsEmpty());
   }
 }
 
 TEST_F(SchedulerFailuresTest, AWorkerThatIsGoneBeforeItHasTheLeaseProvesNothing) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   for (int64_t i = 1; i <= 20; ++i) {  // as when the coordinator stood still while they were killed
-    scheduler_.AddWorker(WorkerId(i), {.name = absl::StrCat(i), .numeric_class = "avx2", .slots = 1});
+    scheduler_.workers().Add(WorkerId(i), {.name = absl::StrCat(i), .numeric_class = "avx2", .slots = 1});
     EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).alone, i > 3);
-    EXPECT_THAT(scheduler_.RemoveWorker(WorkerId(i)), IsEmpty());
+    EXPECT_THAT(scheduler_.workers().Remove(WorkerId(i)), IsEmpty());
   }
-  scheduler_.AddWorker(WorkerId(21), {.name = "21", .numeric_class = "avx2", .slots = 1});
+  scheduler_.workers().Add(WorkerId(21), {.name = "21", .numeric_class = "avx2", .slots = 1});
   EXPECT_TRUE(GrantReceived().at(0).alone);
-  EXPECT_EQ(scheduler_.RemoveWorker(WorkerId(21)).size(), 1u);
+  EXPECT_EQ(scheduler_.workers().Remove(WorkerId(21)).size(), 1u);
 }
 
 TEST_F(SchedulerFailuresTest, AUnitLeavesTheQuarantineWhenWhatWasLostWithItComesBack) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   const auto traits = [](uint64_t instance) {
     return WorkerTraits{
         .name = absl::StrCat("host:", instance), .numeric_class = "avx2", .instance = instance, .slots = 1};
   };
   for (uint64_t i = 1; i <= 3; ++i) {
-    scheduler_.AddWorker(WorkerId(static_cast<int64_t>(i)), traits(i));
+    scheduler_.workers().Add(WorkerId(static_cast<int64_t>(i)), traits(i));
     GrantReceived();
-    scheduler_.RemoveWorker(WorkerId(static_cast<int64_t>(i)));
+    scheduler_.workers().Remove(WorkerId(static_cast<int64_t>(i)));
   }
-  scheduler_.PauseJob(kJob);
-  scheduler_.AddWorker(WorkerId(4), traits(9));
-  scheduler_.ResumeJob(kJob);
+  scheduler_.jobs().Pause(kJob);
+  scheduler_.workers().Add(WorkerId(4), traits(9));
+  scheduler_.jobs().Resume(kJob);
   EXPECT_THAT(scheduler_.Explain(kJob, kStart), Contains(testing::Field(&Reason::code, "quarantine")));
-  scheduler_.AddWorker(WorkerId(5), traits(2));
+  scheduler_.workers().Add(WorkerId(5), traits(2));
   const std::vector<GrantedLease> leases = GrantReceived();
   ASSERT_EQ(leases.size(), 2u);
   EXPECT_FALSE(leases[0].alone);

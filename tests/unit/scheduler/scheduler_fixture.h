@@ -32,15 +32,16 @@ class SchedulerFixture : public ::testing::Test {
  protected:
   /// Delivers and commits a unit; true if it was the last one of its frame.
   bool Commit(job::WorkerId worker, const GrantedLease& lease) {
-    EXPECT_EQ(scheduler_.CompleteUnit(worker, lease.unit, lease.attempt, kStart), Completion::kAccepted);
-    return scheduler_.UnitCommitted(lease.unit);
+    EXPECT_EQ(scheduler_.units().Complete(worker, lease.unit, lease.attempt, kStart), Completion::kAccepted);
+    return scheduler_.units().Commit(lease.unit);
   }
 
   /// The workers say that they have received the leases.
   void Receive(const std::vector<GrantedLease>& leases) {
     for (const GrantedLease& lease : leases) {
       const HeldLease held{.unit = lease.unit, .attempt = lease.attempt};
-      EXPECT_THAT(scheduler_.Heartbeat(lease.worker, {held}, job::Attempt(0), kStart), ::testing::IsEmpty());
+      EXPECT_THAT(scheduler_.workers().Heartbeat(lease.worker, {held}, job::Attempt(0), kStart),
+                  ::testing::IsEmpty());
     }
   }
   /// Grants leases to all workers, which receive them.

@@ -1,7 +1,7 @@
 // Random histories checked against a model of the rules: for any events in any order each unit is committed
-// exactly once, no unit is lost, a void lease delivers nothing, all units of a job are of one numeric class,
-// paused jobs and drained or blocked workers get no leases, units of faulty workers are rendered again, the
-// figures count every unit once, and a restart at any time preserves this.
+// exactly once, no unit is lost, a lease that has ended delivers nothing, all units of a job are of one
+// numeric class, paused jobs and drained or blocked workers get no leases, units of faulty workers are
+// rendered again, the figures count every unit once, and a restart at any time preserves this.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -65,8 +65,8 @@ class RandomHistory {
     ASSERT_TRUE(IsDone()) << "units were lost";
     for (const auto& [job, spec] : specs_) {
       const FrameUnits units(spec);
-      EXPECT_EQ(scheduler_->Progress(job).state, v1::JOB_STATE_DONE);
-      EXPECT_EQ(scheduler_->Progress(job).units_done, units.count() * spec.frame_count());
+      EXPECT_EQ(scheduler_->jobs().Progress(job).state, v1::JOB_STATE_DONE);
+      EXPECT_EQ(scheduler_->jobs().Progress(job).units_done, units.count() * spec.frame_count());
       for (int32_t frame = 0; frame < spec.frame_count(); ++frame) {
         for (int64_t number = 0; number < units.count(); ++number) {
           EXPECT_EQ(commits_[(UnitRef{job, units.KeyOf(frame, number)})], 1);
@@ -93,10 +93,10 @@ class RandomHistory {
     now_ += absl::Seconds(Draw(4));
     Act();
     FollowAudits();
-    for (const VoidedLease& voided : scheduler_->TakeVoided()) {
-      const auto held = held_.find(voided.worker);
+    for (const RevokedLease& revoked : scheduler_->units().TakeRevoked()) {
+      const auto held = held_.find(revoked.worker);
       if (held == held_.end()) continue;
-      for (const ModelLease& lease : held->second) EXPECT_NE(lease.attempt, voided.attempt);
+      for (const ModelLease& lease : held->second) EXPECT_NE(lease.attempt, revoked.attempt);
     }
     CheckFigures();
   }
@@ -138,7 +138,7 @@ class RandomHistory {
         return Fail();
       case 9:
       case 10:
-        return DeliverVoid();
+        return DeliverEnded();
       case 11:
         return HandBack();
       case 12:
@@ -164,20 +164,20 @@ class RandomHistory {
                                                               .max_failures = 1'000'000,
                                                               .max_lost_workers = max_lost_workers_,
                                                               .first_attempt = Attempt(last_attempt_ + 1)});
-    scheduler_->SetMaxActiveFrames(2);
+    scheduler_->frames().SetMaxActive(2);
     for (const auto& [job, spec] : specs_) {
       const bool second = job == JobId("j-1");
-      scheduler_->AddJob(job, spec,
-                         {.priority = second ? 10 : 0,
-                          .user = job.value(),
-                          .numeric_class = class_of_job_[job],
-                          .paused = paused_.contains(job),
-                          .audit_share = second ? 0.5 : 0});
+      scheduler_->jobs().Add(job, spec,
+                             {.priority = second ? 10 : 0,
+                              .user = job.value(),
+                              .numeric_class = class_of_job_[job],
+                              .paused = paused_.contains(job),
+                              .audit_share = second ? 0.5 : 0});
     }
-    for (const auto& [job, frame] : finished_) EXPECT_TRUE(scheduler_->RestoreFinishedFrame(job, frame));
+    for (const auto& [job, frame] : finished_) EXPECT_TRUE(scheduler_->frames().RestoreFinished(job, frame));
     for (const auto& [unit, count] : commits_)
-      EXPECT_TRUE(scheduler_->RestoreCommittedUnit(unit.job, {unit.key}, now_));
-    for (auto& [worker, leases] : held_) MakeVoid(worker, &leases);
+      EXPECT_TRUE(scheduler_->units().Restore(unit.job, {unit.key}, now_));
+    for (auto& [worker, leases] : held_) EndAll(worker, &leases);
     held_.clear();
     idle_.clear();
     for (int i = 0; i < kWorkers; ++i) Connect();
@@ -186,20 +186,20 @@ class RandomHistory {
   void Connect() {
     const WorkerId worker(next_worker_++);
     class_of_worker_[worker] = kClasses[Draw(2)];
-    scheduler_->AddWorker(worker, {.numeric_class = class_of_worker_[worker], .slots = kSlots});
+    scheduler_->workers().Add(worker, {.numeric_class = class_of_worker_[worker], .slots = kSlots});
     held_[worker];
   }
 
   void Reconnect() {
     auto victim = std::next(held_.begin(), Draw(kWorkers));
-    MakeVoid(victim->first, &victim->second);
-    scheduler_->RemoveWorker(victim->first);
+    EndAll(victim->first, &victim->second);
+    scheduler_->workers().Remove(victim->first);
     held_.erase(victim);
     Connect();
   }
 
-  void MakeVoid(WorkerId worker, std::vector<ModelLease>* leases) {
-    for (const ModelLease& lease : *leases) void_.emplace_back(worker, lease);
+  void EndAll(WorkerId worker, std::vector<ModelLease>* leases) {
+    for (const ModelLease& lease : *leases) ended_.emplace_back(worker, lease);
     leases->clear();
   }
 
@@ -217,7 +217,7 @@ class RandomHistory {
           ++it;
           continue;
         }
-        void_.emplace_back(worker, *it);
+        ended_.emplace_back(worker, *it);
         it = leases.erase(it);
       }
     }
@@ -226,8 +226,8 @@ class RandomHistory {
   void SendHeartbeat() {
     auto& [worker, leases] = *std::next(held_.begin(), Draw(kWorkers));
     if (!leases.empty() && Draw(4) == 0) {
-      void_.emplace_back(worker, leases.back());
-      leases.pop_back();  // not in the heartbeat, so void
+      ended_.emplace_back(worker, leases.back());
+      leases.pop_back();  // not in the heartbeat, so it ends
     }
     std::vector<HeldLease> named;
     for (ModelLease& lease : leases) {
@@ -238,7 +238,7 @@ class RandomHistory {
       named.push_back({lease.unit, lease.attempt, lease.progress});
       lease.deadline = std::min(now_ + kLease, lease.progressed + kStall);
     }
-    scheduler_->Heartbeat(worker, named, Attempt(last_attempt_), now_);
+    scheduler_->workers().Heartbeat(worker, named, Attempt(last_attempt_), now_);
   }
 
   void Grant() {
@@ -279,20 +279,20 @@ class RandomHistory {
     std::erase_if(leases, [&](const ModelLease& held) { return held.attempt == lease.attempt; });
     const bool lies = has_liars_ && worker.value() % 5 == 0;
     const std::string digest = lies ? "wrong " + std::to_string(lease.attempt.value()) : Describe(lease.unit);
-    ASSERT_EQ(scheduler_->CompleteUnit(worker, lease.unit, lease.attempt, now_, digest),
+    ASSERT_EQ(scheduler_->units().Complete(worker, lease.unit, lease.attempt, now_, digest),
               lease.audit ? Completion::kAudited : Completion::kAccepted);
-    void_.emplace_back(worker, lease);  // a second delivery is a duplicate
+    ended_.emplace_back(worker, lease);  // a second delivery is a duplicate
     if (lease.audit) return;
-    MakeVoidOthers(lease.unit);
+    EndOthers(lease.unit);
     BindTo(lease.unit.job, class_of_worker_.at(worker));
-    scheduler_->UnitCommitted(lease.unit);
+    scheduler_->units().Commit(lease.unit);
     ++commits_[lease.unit];
   }
 
-  void MakeVoidOthers(const UnitRef& unit) {
+  void EndOthers(const UnitRef& unit) {
     for (auto& [worker, leases] : held_) {
       for (const ModelLease& lease : leases) {
-        if (lease.unit == unit) void_.emplace_back(worker, lease);
+        if (lease.unit == unit) ended_.emplace_back(worker, lease);
       }
       std::erase_if(leases, [&](const ModelLease& lease) { return lease.unit == unit; });
     }
@@ -302,37 +302,37 @@ class RandomHistory {
     std::string& bound = class_of_job_[job];
     EXPECT_TRUE(bound.empty() || bound == numeric_class);
     bound = numeric_class;
-    EXPECT_EQ(scheduler_->NumericClassOf(job), bound);
+    EXPECT_EQ(scheduler_->jobs().NumericClassOf(job), bound);
     for (auto& [worker, leases] : held_) {
       if (class_of_worker_.at(worker) == bound) continue;
       for (const ModelLease& lease : leases) {
-        if (lease.unit.job == job) void_.emplace_back(worker, lease);
+        if (lease.unit.job == job) ended_.emplace_back(worker, lease);
       }
       std::erase_if(leases, [&](const ModelLease& lease) { return lease.unit.job == job; });
     }
   }
 
-  void DeliverVoid() {
-    if (void_.empty()) return;
-    const auto& [worker, lease] = void_[static_cast<size_t>(Draw(static_cast<int>(void_.size())))];
-    const Completion completion = scheduler_->CompleteUnit(worker, lease.unit, lease.attempt, now_);
+  void DeliverEnded() {
+    if (ended_.empty()) return;
+    const auto& [worker, lease] = ended_[static_cast<size_t>(Draw(static_cast<int>(ended_.size())))];
+    const Completion completion = scheduler_->units().Complete(worker, lease.unit, lease.attempt, now_);
     EXPECT_EQ(completion, commits_.contains(lease.unit) ? Completion::kDuplicate : Completion::kStale);
   }
 
   /// The caller's part when a worker is found faulty: its units are lost and rendered again.
   void FollowAudits() {
-    for (const FaultyWorker& faulty : scheduler_->TakeFaulty()) {
+    for (const FaultyWorker& faulty : scheduler_->workers().TakeFaulty()) {
       EXPECT_TRUE(has_liars_);
-      for (const WorkerId worker : scheduler_->WorkersNamed(faulty.name)) {
+      for (const WorkerId worker : scheduler_->workers().Named(faulty.name)) {
         EXPECT_EQ(worker.value() % 5, 0) << "an honest worker was blocked";
-        MakeVoid(worker, &held_.at(worker));
+        EndAll(worker, &held_.at(worker));
         idle_.insert(worker);
       }
       for (const UnitRef& unit : faulty.units) {
-        EXPECT_TRUE(scheduler_->RevokeUnit(unit));
+        EXPECT_TRUE(scheduler_->units().Revoke(unit));
         EXPECT_EQ(commits_.erase(unit), 1u);
         EXPECT_FALSE(finished_.contains({unit.job, unit.key.frame}));
-        MakeVoidOthers(unit);  // audits of it
+        EndOthers(unit);  // audits of it
         ++revoked_;
       }
     }
@@ -340,10 +340,10 @@ class RandomHistory {
 
   void FinishFrames() {
     for (const auto& [job, spec] : specs_) {
-      for (const int32_t frame : scheduler_->CommittedFrames(job)) {
-        EXPECT_TRUE(scheduler_->IsFrameCommitted(job, frame));
+      for (const int32_t frame : scheduler_->frames().Committed(job)) {
+        EXPECT_TRUE(scheduler_->frames().IsCommitted(job, frame));
         finished_.emplace(job, frame);
-        scheduler_->FrameFinished(job, frame);
+        scheduler_->frames().Finish(job, frame);
       }
     }
   }
@@ -353,28 +353,28 @@ class RandomHistory {
     if (leases.empty()) return;
     const ModelLease lease = leases.back();
     leases.pop_back();
-    EXPECT_TRUE(scheduler_->HandBack(worker, lease.unit, lease.attempt));
-    void_.emplace_back(worker, lease);
+    EXPECT_TRUE(scheduler_->units().HandBack(worker, lease.unit, lease.attempt));
+    ended_.emplace_back(worker, lease);
   }
 
   void PauseOrResume() {
     const JobId job = std::next(specs_.begin(), Draw(2))->first;
-    if (paused_.erase(job) > 0) return scheduler_->ResumeJob(job);
+    if (paused_.erase(job) > 0) return scheduler_->jobs().Resume(job);
     if (Draw(4) > 0) return;
     paused_.insert(job);
-    scheduler_->PauseJob(job);
+    scheduler_->jobs().Pause(job);
   }
 
   void DrainOrBlock() {
     auto& [worker, leases] = *std::next(held_.begin(), Draw(kWorkers));
     idle_.insert(worker);
-    if (Draw(2) == 0) return scheduler_->DrainWorker(worker);
-    scheduler_->BlockWorker("w-" + std::to_string(worker.value()), "a test");
-    MakeVoid(worker, &leases);
+    if (Draw(2) == 0) return scheduler_->workers().Drain(worker);
+    scheduler_->workers().Block("w-" + std::to_string(worker.value()), "a test");
+    EndAll(worker, &leases);
   }
 
   void Readmit() {
-    for (const WorkerId worker : idle_) scheduler_->ReadmitWorker("w-" + std::to_string(worker.value()));
+    for (const WorkerId worker : idle_) scheduler_->workers().Readmit("w-" + std::to_string(worker.value()));
     idle_.clear();
   }
 
@@ -383,8 +383,9 @@ class RandomHistory {
     if (leases.empty()) return;
     const ModelLease lease = leases.back();
     leases.pop_back();
-    EXPECT_EQ(scheduler_->FailUnit(worker, lease.unit, lease.attempt, false, now_), FailureOutcome::kRetried);
-    void_.emplace_back(worker, lease);
+    EXPECT_EQ(scheduler_->units().Fail(worker, lease.unit, lease.attempt, false, now_),
+              FailureOutcome::kRetried);
+    ended_.emplace_back(worker, lease);
   }
 
   std::mt19937 random_;
@@ -394,7 +395,7 @@ class RandomHistory {
   int64_t next_worker_ = 1;
   int64_t last_attempt_ = 0;
   std::map<WorkerId, std::vector<ModelLease>> held_;
-  std::vector<std::pair<WorkerId, ModelLease>> void_;
+  std::vector<std::pair<WorkerId, ModelLease>> ended_;
   int max_lost_workers_;
   bool has_liars_;
   int second_leases_ = 0;  // of late units

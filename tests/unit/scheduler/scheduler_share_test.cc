@@ -41,8 +41,9 @@ class SchedulerShareTest : public ::testing::Test {
   absl::Time now_ = kStart;
 
   void Commit(const GrantedLease& lease) {
-    EXPECT_EQ(scheduler_.CompleteUnit(lease.worker, lease.unit, lease.attempt, now_), Completion::kAccepted);
-    scheduler_.UnitCommitted(lease.unit);
+    EXPECT_EQ(scheduler_.units().Complete(lease.worker, lease.unit, lease.attempt, now_),
+              Completion::kAccepted);
+    scheduler_.units().Commit(lease.unit);
   }
 
   /// Renders `count` units of one second each on the one worker; returns the jobs in order.
@@ -59,10 +60,10 @@ class SchedulerShareTest : public ::testing::Test {
 };
 
 TEST_F(SchedulerShareTest, UsersGetEqualSlotsAtOnce) {
-  for (int i = 0; i < 4; ++i) scheduler_.AddJob(JobId(absl::StrCat("a-", i)), Spec(), {.user = "ann"});
-  scheduler_.AddJob(JobId("b"), Spec(), {.user = "ben"});
-  scheduler_.AddJob(JobId("c"), Spec(), {.priority = 10, .user = "cat"});
-  for (int i = 0; i < 80; ++i) scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2"});
+  for (int i = 0; i < 4; ++i) scheduler_.jobs().Add(JobId(absl::StrCat("a-", i)), Spec(), {.user = "ann"});
+  scheduler_.jobs().Add(JobId("b"), Spec(), {.user = "ben"});
+  scheduler_.jobs().Add(JobId("c"), Spec(), {.priority = 10, .user = "cat"});
+  for (int i = 0; i < 80; ++i) scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2"});
   std::map<std::string, int> leases;
   for (const GrantedLease& lease : scheduler_.GrantLeases(now_))
     ++leases[lease.unit.job.value().substr(0, 1)];
@@ -72,9 +73,9 @@ TEST_F(SchedulerShareTest, UsersGetEqualSlotsAtOnce) {
 }
 
 TEST_F(SchedulerShareTest, AWorkerGoesOnWithTheSceneItHasLoadedUntilTheSlackIsUsedUp) {
-  scheduler_.AddJob(kJob, Spec(), {.user = "ann"});
-  scheduler_.AddJob(kOther, Spec(), {.user = "ben"});
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2"});
+  scheduler_.jobs().Add(kJob, Spec(), {.user = "ann"});
+  scheduler_.jobs().Add(kOther, Spec(), {.user = "ben"});
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2"});
   const std::vector<JobId> jobs = Render(kAnn, 600);
   int changes = 0;
   std::map<JobId, int> units;
@@ -88,9 +89,9 @@ TEST_F(SchedulerShareTest, AWorkerGoesOnWithTheSceneItHasLoadedUntilTheSlackIsUs
 }
 
 TEST_F(SchedulerShareTest, LongUnitsCountWhileTheyRun) {
-  scheduler_.AddJob(kJob, Spec(20'000), {.user = "ann"});
-  scheduler_.AddJob(kOther, Spec(20'000), {.user = "ben"});
-  for (int i = 0; i < 20; ++i) scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2"});
+  scheduler_.jobs().Add(kJob, Spec(20'000), {.user = "ann"});
+  scheduler_.jobs().Add(kOther, Spec(20'000), {.user = "ben"});
+  for (int i = 0; i < 20; ++i) scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2"});
   std::map<JobId, int> held;
   std::vector<GrantedLease> short_units;
   const auto grant = [&] {
@@ -114,9 +115,9 @@ TEST_F(SchedulerShareTest, LongUnitsCountWhileTheyRun) {
 }
 
 TEST_F(SchedulerShareTest, AJobOfTheLowestPriorityDoesNotStarve) {
-  scheduler_.AddJob(kJob, Spec(20'000), {.priority = 100, .user = "ann"});
-  scheduler_.AddJob(kOther, Spec(), {.priority = -100, .user = "ben"});
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2"});
+  scheduler_.jobs().Add(kJob, Spec(20'000), {.priority = 100, .user = "ann"});
+  scheduler_.jobs().Add(kOther, Spec(), {.priority = -100, .user = "ben"});
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2"});
   absl::Time served = now_;
   absl::Duration longest;
   for (int i = 0; i < 5000; ++i) {
@@ -130,8 +131,8 @@ TEST_F(SchedulerShareTest, AJobOfTheLowestPriorityDoesNotStarve) {
 }
 
 TEST_F(SchedulerShareTest, IdleSlotsTakeLateUnitsASecondTimeAndOnlyOnce) {
-  scheduler_.AddJob(kJob, Spec(10));  // 20 units
-  for (int i = 0; i < 20; ++i) scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2"});
+  scheduler_.jobs().Add(kJob, Spec(10));  // 20 units
+  for (int i = 0; i < 20; ++i) scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2"});
   const auto leases = scheduler_.GrantLeases(now_);
   ASSERT_EQ(leases.size(), 20u);
   now_ += absl::Seconds(2);
@@ -150,25 +151,25 @@ TEST_F(SchedulerShareTest, IdleSlotsTakeLateUnitsASecondTimeAndOnlyOnce) {
   }
   EXPECT_THAT(scheduler_.GrantLeases(now_), IsEmpty());
   Commit(second[0]);
-  const auto voided = scheduler_.TakeVoided();
-  ASSERT_EQ(voided.size(), 1u);
-  EXPECT_EQ(voided[0].unit, second[0].unit);
+  const auto revoked = scheduler_.units().TakeRevoked();
+  ASSERT_EQ(revoked.size(), 1u);
+  EXPECT_EQ(revoked[0].unit, second[0].unit);
   now_ = kStart + absl::Seconds(20);  // it is overdue as well
   scheduler_.ExpireLeases(now_);
   EXPECT_THAT(scheduler_.GrantLeases(now_), IsEmpty()) << "no third lease";
 }
 
 TEST_F(SchedulerShareTest, APausedOrLimitedJobGetsNoSecondLeases) {
-  scheduler_.AddJob(kJob, Spec(10), {.max_leases = 20});
-  for (int i = 0; i < 30; ++i) scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2"});
+  scheduler_.jobs().Add(kJob, Spec(10), {.max_leases = 20});
+  for (int i = 0; i < 30; ++i) scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2"});
   const auto leases = scheduler_.GrantLeases(now_);
   now_ += absl::Seconds(2);
   for (size_t i = 0; i < 9; ++i) Commit(leases[2 * i]);  // geometry and pass of one tile after another
-  scheduler_.PauseJob(kJob);
+  scheduler_.jobs().Pause(kJob);
   now_ += absl::Seconds(4);
   scheduler_.ExpireLeases(now_);
   EXPECT_THAT(scheduler_.GrantLeases(now_), IsEmpty());
-  scheduler_.ResumeJob(kJob);
+  scheduler_.jobs().Resume(kJob);
   EXPECT_EQ(scheduler_.GrantLeases(now_).size(), 1u) << "the tenth geometry unit; no pass has ended";
 }
 

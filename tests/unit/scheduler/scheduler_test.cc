@@ -25,8 +25,8 @@ using ::testing::IsEmpty;
 using SchedulerTest = SchedulerFixture;
 
 TEST_F(SchedulerTest, GrantsAsManyAsTheWorkerHasSlots) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 3});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 3});
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
   ASSERT_EQ(leases.size(), 3u);
   EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart), IsEmpty());
@@ -37,10 +37,10 @@ TEST_F(SchedulerTest, GrantsAsManyAsTheWorkerHasSlots) {
 }
 
 TEST_F(SchedulerTest, GrantsToAllWorkersInTheOrderTheyCameWhileThereIsWork) {
-  scheduler_.AddJob(kJob, Spec());  // 12 units
-  for (int i = 1; i <= 4; ++i) scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = 4});
-  scheduler_.AddWorker(WorkerId(5), {.numeric_class = "sse2", .slots = 4});
-  scheduler_.AddJob(kOther, Spec(), {.numeric_class = "sse2"});
+  scheduler_.jobs().Add(kJob, Spec());  // 12 units
+  for (int i = 1; i <= 4; ++i) scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2", .slots = 4});
+  scheduler_.workers().Add(WorkerId(5), {.numeric_class = "sse2", .slots = 4});
+  scheduler_.jobs().Add(kOther, Spec(), {.numeric_class = "sse2"});
   const auto leases = scheduler_.GrantLeases(kStart);
   ASSERT_EQ(leases.size(), 16u);
   for (size_t i = 0; i < leases.size(); ++i) {
@@ -48,18 +48,18 @@ TEST_F(SchedulerTest, GrantsToAllWorkersInTheOrderTheyCameWhileThereIsWork) {
     EXPECT_EQ(leases[i].unit.job, i < 12 ? kJob : kOther);
   }
   EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
-  scheduler_.RemoveWorker(WorkerId(1));
+  scheduler_.workers().Remove(WorkerId(1));
   EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).worker, WorkerId(4));
 }
 
 TEST_F(SchedulerTest, AUnitThatAFreeWorkerMayNotTakeDoesNotStopTheOthers) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 12});
-  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 12});
+  scheduler_.workers().Add(kBen, {.numeric_class = "avx2", .slots = 1});
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
-  scheduler_.AddJob(kOther, Spec());
+  scheduler_.jobs().Add(kOther, Spec());
   ASSERT_EQ(scheduler_.GrantLeases(kBen, kStart).size(), 1u);  // of the other job
-  scheduler_.FailUnit(kAnn, leases[3].unit, leases[3].attempt, false, kStart);
+  scheduler_.units().Fail(kAnn, leases[3].unit, leases[3].attempt, false, kStart);
   scheduler_.ExpireLeases(kStart + absl::Seconds(1));  // the backoff is over
   const auto next = scheduler_.GrantLeases(kStart);
   ASSERT_EQ(next.size(), 1u);
@@ -67,130 +67,131 @@ TEST_F(SchedulerTest, AUnitThatAFreeWorkerMayNotTakeDoesNotStopTheOthers) {
 }
 
 TEST_F(SchedulerTest, ASlotIsFreeOnceTheUnitIsCommittedAndNotBefore) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 1});
   const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, lease.attempt, kStart), Completion::kAccepted);
+  EXPECT_EQ(scheduler_.units().Complete(kAnn, lease.unit, lease.attempt, kStart), Completion::kAccepted);
   EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart), IsEmpty());
-  EXPECT_FALSE(scheduler_.UnitCommitted(lease.unit));
+  EXPECT_FALSE(scheduler_.units().Commit(lease.unit));
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).size(), 1u);
 }
 
 TEST_F(SchedulerTest, AJobThatEndsWithFreeUnitsLeavesNothingToOthersLikeIt) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddJob(kOther, Spec());
-  scheduler_.EndJob(kJob);
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 100});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.jobs().Add(kOther, Spec());
+  scheduler_.jobs().End(kJob);
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 100});
   const auto leases = scheduler_.GrantLeases(kStart);
   EXPECT_EQ(leases.size(), 12u);
   for (const GrantedLease& lease : leases) EXPECT_EQ(lease.unit.job, kOther);
 }
 
 TEST_F(SchedulerTest, ARevokedUnitIsLeasedOnceMore) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 12});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 12});
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
-  EXPECT_FALSE(scheduler_.RevokeUnit(leases[5].unit)) << "it is leased, not committed";
+  EXPECT_FALSE(scheduler_.units().Revoke(leases[5].unit)) << "it is leased, not committed";
   for (const GrantedLease& lease : leases) Commit(kAnn, lease);
-  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(10));
+  EXPECT_THAT(scheduler_.frames().Committed(kJob), ElementsAre(10));
   const UnitRef lost = leases[5].unit;
-  EXPECT_TRUE(scheduler_.RevokeUnit(lost));
-  EXPECT_FALSE(scheduler_.RevokeUnit(lost));
-  EXPECT_THAT(scheduler_.CommittedFrames(kJob), IsEmpty());
-  EXPECT_EQ(scheduler_.Progress(kJob).units_done, 11);
-  EXPECT_EQ(scheduler_.Progress(kJob).samples_done, 16 * 16 * 8 - 8 * 8 * 4);
+  EXPECT_TRUE(scheduler_.units().Revoke(lost));
+  EXPECT_FALSE(scheduler_.units().Revoke(lost));
+  EXPECT_THAT(scheduler_.frames().Committed(kJob), IsEmpty());
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).units_done, 11);
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).samples_done, 16 * 16 * 8 - 8 * 8 * 4);
   const auto again = scheduler_.GrantLeases(kAnn, kStart);
   ASSERT_EQ(again.size(), 1u);
   EXPECT_EQ(again[0].unit, lost);
   EXPECT_TRUE(Commit(kAnn, again[0]));
-  scheduler_.FrameFinished(kJob, 10);
-  EXPECT_FALSE(scheduler_.RevokeUnit(lost));
+  scheduler_.frames().Finish(kJob, 10);
+  EXPECT_FALSE(scheduler_.units().Revoke(lost));
 }
 
 TEST_F(SchedulerTest, AUnitRevokedBeforeItsTurnIsLeasedOnceMore) {
-  scheduler_.AddJob(kJob, Spec());
+  scheduler_.jobs().Add(kJob, Spec());
   const UnitRef lost{kJob, {10, 2, 0, v1::UNIT_KIND_GEOMETRY}};
-  scheduler_.RestoreCommittedUnit(lost.job, {lost.key}, kStart);
-  EXPECT_TRUE(scheduler_.RevokeUnit(lost));
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 100});
+  scheduler_.units().Restore(lost.job, {lost.key}, kStart);
+  EXPECT_TRUE(scheduler_.units().Revoke(lost));
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 100});
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).size(), 12u);
 }
 
 TEST_F(SchedulerTest, UnknownUnitsAreUnknown) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 1});
   for (const UnitRef& unit :
        {UnitRef{kOther, {10, 0, 0, v1::UNIT_KIND_PASS}}, UnitRef{kJob, {11, 0, 0, v1::UNIT_KIND_PASS}},
         UnitRef{kJob, {9, 0, 0, v1::UNIT_KIND_PASS}}, UnitRef{kJob, {10, 4, 0, v1::UNIT_KIND_PASS}},
         UnitRef{kJob, {10, 0, 2, v1::UNIT_KIND_PASS}}}) {
-    EXPECT_EQ(scheduler_.CompleteUnit(kAnn, unit, Attempt(100), kStart), Completion::kUnknown)
+    EXPECT_EQ(scheduler_.units().Complete(kAnn, unit, Attempt(100), kStart), Completion::kUnknown)
         << Describe(unit);
   }
 }
 
 TEST_F(SchedulerTest, AJobStaysWithinTheClassOfItsFirstAcceptedUnit) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
-  scheduler_.AddWorker(kBen, {.numeric_class = "avx512", .slots = 1});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.workers().Add(kBen, {.numeric_class = "avx512", .slots = 1});
   const GrantedLease first = scheduler_.GrantLeases(kAnn, kStart).at(0);
   const GrantedLease other = scheduler_.GrantLeases(kBen, kStart).at(0);
-  EXPECT_EQ(scheduler_.NumericClassOf(kJob), "");
-  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, first.unit, first.attempt, kStart), Completion::kAccepted);
-  EXPECT_EQ(scheduler_.NumericClassOf(kJob), "avx2");
-  EXPECT_EQ(scheduler_.CompleteUnit(kBen, other.unit, other.attempt, kStart), Completion::kStale);
+  EXPECT_EQ(scheduler_.jobs().NumericClassOf(kJob), "");
+  EXPECT_EQ(scheduler_.units().Complete(kAnn, first.unit, first.attempt, kStart), Completion::kAccepted);
+  EXPECT_EQ(scheduler_.jobs().NumericClassOf(kJob), "avx2");
+  EXPECT_EQ(scheduler_.units().Complete(kBen, other.unit, other.attempt, kStart), Completion::kStale);
   EXPECT_THAT(scheduler_.GrantLeases(kBen, kStart), IsEmpty());
-  scheduler_.UnitCommitted(first.unit);
+  scheduler_.units().Commit(first.unit);
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, other.unit);
-  scheduler_.AddJob(kOther, Spec());
+  scheduler_.jobs().Add(kOther, Spec());
   EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit.job, kOther);
 }
 
 TEST_F(SchedulerTest, AWorkerOfAnotherClassThatLeasesOnceAndDiesDoesNotBlockTheJob) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "sse2", .slots = 1});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.numeric_class = "sse2", .slots = 1});
   scheduler_.GrantLeases(kAnn, kStart);
-  EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_RUNNING);
-  scheduler_.RemoveWorker(kAnn);
-  EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_PLANNED);
-  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 12});
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).state, v1::JOB_STATE_RUNNING);
+  scheduler_.workers().Remove(kAnn);
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).state, v1::JOB_STATE_PLANNED);
+  scheduler_.workers().Add(kBen, {.numeric_class = "avx2", .slots = 12});
   for (const GrantedLease& lease : scheduler_.GrantLeases(kBen, kStart)) Commit(kBen, lease);
-  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(10));
+  EXPECT_THAT(scheduler_.frames().Committed(kJob), ElementsAre(10));
 }
 
 TEST_F(SchedulerTest, AnEndedJobIsForgottenAndItsSlotsAreFree) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddJob(kOther, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.jobs().Add(kOther, Spec());
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 2});
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
-  scheduler_.CompleteUnit(kAnn, leases[0].unit, leases[0].attempt, kStart);
-  scheduler_.EndJob(kJob);
-  EXPECT_FALSE(scheduler_.HasJob(kJob));
-  EXPECT_FALSE(scheduler_.UnitCommitted(leases[0].unit));
-  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, leases[1].unit, leases[1].attempt, kStart), Completion::kUnknown);
+  scheduler_.units().Complete(kAnn, leases[0].unit, leases[0].attempt, kStart);
+  scheduler_.jobs().End(kJob);
+  EXPECT_FALSE(scheduler_.jobs().Has(kJob));
+  EXPECT_FALSE(scheduler_.units().Commit(leases[0].unit));
+  EXPECT_EQ(scheduler_.units().Complete(kAnn, leases[1].unit, leases[1].attempt, kStart),
+            Completion::kUnknown);
   const auto next = scheduler_.GrantLeases(kAnn, kStart);
   ASSERT_EQ(next.size(), 2u);
   EXPECT_EQ(next[0].unit.job, kOther);
 }
 
 TEST_F(SchedulerTest, StatesFollowTheWork) {
-  scheduler_.AddJob(kJob, Spec(/*frames=*/2));
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 12});
-  EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_PLANNED);
+  scheduler_.jobs().Add(kJob, Spec(/*frames=*/2));
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 12});
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).state, v1::JOB_STATE_PLANNED);
   for (const int32_t frame : {10, 11}) {
     const auto leases = scheduler_.GrantLeases(kAnn, kStart);
     ASSERT_EQ(leases.size(), 12u);
-    EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_RUNNING);
-    EXPECT_EQ(scheduler_.Progress(kJob).workers, 1);
+    EXPECT_EQ(scheduler_.jobs().Progress(kJob).state, v1::JOB_STATE_RUNNING);
+    EXPECT_EQ(scheduler_.jobs().Progress(kJob).workers, 1);
     for (size_t i = 0; i < leases.size(); ++i) {
       EXPECT_EQ(leases[i].unit.key.frame, frame);
       EXPECT_EQ(Commit(kAnn, leases[i]), i + 1 == leases.size());
     }
-    EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_FILTERING);
-    EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(frame));
-    EXPECT_EQ(scheduler_.FrameFinished(kJob, frame), frame == 11);
-    EXPECT_THAT(scheduler_.CommittedFrames(kJob), IsEmpty());
+    EXPECT_EQ(scheduler_.jobs().Progress(kJob).state, v1::JOB_STATE_FILTERING);
+    EXPECT_THAT(scheduler_.frames().Committed(kJob), ElementsAre(frame));
+    EXPECT_EQ(scheduler_.frames().Finish(kJob, frame), frame == 11);
+    EXPECT_THAT(scheduler_.frames().Committed(kJob), IsEmpty());
   }
-  const JobProgress progress = scheduler_.Progress(kJob);
+  const JobProgress progress = scheduler_.jobs().Progress(kJob);
   EXPECT_EQ(progress.state, v1::JOB_STATE_DONE);
   EXPECT_EQ(progress.units_done, progress.units_total);
   EXPECT_EQ(progress.samples_done, 2 * 16 * 16 * 8);
@@ -198,17 +199,17 @@ TEST_F(SchedulerTest, StatesFollowTheWork) {
 }
 
 TEST_F(SchedulerTest, RestoredUnitsAreNotRenderedAgain) {
-  scheduler_.AddJob(kJob, Spec(/*frames=*/3), {.numeric_class = "avx2"});
-  EXPECT_TRUE(scheduler_.RestoreFinishedFrame(kJob, 10));
-  EXPECT_TRUE(scheduler_.RestoreCommittedUnit(kJob, {{10, 1, 1, v1::UNIT_KIND_PASS}}, kStart));
-  EXPECT_TRUE(scheduler_.RestoreCommittedUnit(kJob, {{11, 0, 0, v1::UNIT_KIND_GEOMETRY}}, kStart));
-  EXPECT_TRUE(scheduler_.RestoreCommittedUnit(kJob, {{11, 2, 1, v1::UNIT_KIND_PASS}}, kStart));
-  EXPECT_TRUE(scheduler_.RestoreCommittedUnit(kJob, {{11, 2, 1, v1::UNIT_KIND_PASS}}, kStart));
-  EXPECT_FALSE(scheduler_.RestoreCommittedUnit(kJob, {{13, 2, 1, v1::UNIT_KIND_PASS}}, kStart));
-  EXPECT_EQ(scheduler_.Progress(kJob).units_done, 12 + 2);
-  scheduler_.AddWorker(kBen, {.numeric_class = "sse2", .slots = 100});
+  scheduler_.jobs().Add(kJob, Spec(/*frames=*/3), {.numeric_class = "avx2"});
+  EXPECT_TRUE(scheduler_.frames().RestoreFinished(kJob, 10));
+  EXPECT_TRUE(scheduler_.units().Restore(kJob, {{10, 1, 1, v1::UNIT_KIND_PASS}}, kStart));
+  EXPECT_TRUE(scheduler_.units().Restore(kJob, {{11, 0, 0, v1::UNIT_KIND_GEOMETRY}}, kStart));
+  EXPECT_TRUE(scheduler_.units().Restore(kJob, {{11, 2, 1, v1::UNIT_KIND_PASS}}, kStart));
+  EXPECT_TRUE(scheduler_.units().Restore(kJob, {{11, 2, 1, v1::UNIT_KIND_PASS}}, kStart));
+  EXPECT_FALSE(scheduler_.units().Restore(kJob, {{13, 2, 1, v1::UNIT_KIND_PASS}}, kStart));
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).units_done, 12 + 2);
+  scheduler_.workers().Add(kBen, {.numeric_class = "sse2", .slots = 100});
   EXPECT_THAT(scheduler_.GrantLeases(kBen, kStart), IsEmpty());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 100});
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 100});
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
   EXPECT_EQ(leases.size(), 12u - 2 + 12);
   for (const GrantedLease& lease : leases) {
@@ -219,13 +220,13 @@ TEST_F(SchedulerTest, RestoredUnitsAreNotRenderedAgain) {
 }
 
 TEST_F(SchedulerTest, AFrameCommittedBeforeARestartAwaitsItsFinish) {
-  scheduler_.AddJob(kJob, Spec(), {.numeric_class = "avx2"});
+  scheduler_.jobs().Add(kJob, Spec(), {.numeric_class = "avx2"});
   const FrameUnits units(Spec());
   for (int64_t number = 0; number < units.count(); ++number) {
-    scheduler_.RestoreCommittedUnit(kJob, {units.KeyOf(10, number)}, kStart);
+    scheduler_.units().Restore(kJob, {units.KeyOf(10, number)}, kStart);
   }
-  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(10));
-  EXPECT_TRUE(scheduler_.FrameFinished(kJob, 10));
+  EXPECT_THAT(scheduler_.frames().Committed(kJob), ElementsAre(10));
+  EXPECT_TRUE(scheduler_.frames().Finish(kJob, 10));
 }
 
 TEST_F(SchedulerTest, AHugeFrameTakesBitsAndNotMegabytesAndGrantsInTime) {
@@ -235,9 +236,9 @@ TEST_F(SchedulerTest, AHugeFrameTakesBitsAndNotMegabytesAndGrantsInTime) {
   spec.set_tile_size(32);
   spec.set_samples_per_pixel(4096);
   spec.set_pass_samples(64);
-  scheduler_.AddJob(kJob, spec);
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1000});
-  EXPECT_EQ(scheduler_.Progress(kJob).units_total, 131072 * 65);
+  scheduler_.jobs().Add(kJob, spec);
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 1000});
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).units_total, 131072 * 65);
   int64_t committed = 0;
   for (int round = 0; round < 100; ++round) {
     for (const GrantedLease& lease : scheduler_.GrantLeases(kAnn, kStart)) {
@@ -246,37 +247,37 @@ TEST_F(SchedulerTest, AHugeFrameTakesBitsAndNotMegabytesAndGrantsInTime) {
     }
   }
   EXPECT_EQ(committed, 100'000);
-  EXPECT_EQ(scheduler_.Progress(kJob).units_done, committed);
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).units_done, committed);
 }
 
 TEST_F(SchedulerTest, TagsAndThePinnedClassSayWhoMayRenderAJob) {
-  scheduler_.AddJob(kJob, Spec(), {.tags = {"night", "gpu"}, .numeric_class = "avx2"});
-  scheduler_.AddWorker(WorkerId(1), {.numeric_class = "avx2", .slots = 1, .tags = {"gpu"}});
-  scheduler_.AddWorker(WorkerId(2), {.numeric_class = "sse2", .slots = 1, .tags = {"gpu", "night"}});
+  scheduler_.jobs().Add(kJob, Spec(), {.tags = {"night", "gpu"}, .numeric_class = "avx2"});
+  scheduler_.workers().Add(WorkerId(1), {.numeric_class = "avx2", .slots = 1, .tags = {"gpu"}});
+  scheduler_.workers().Add(WorkerId(2), {.numeric_class = "sse2", .slots = 1, .tags = {"gpu", "night"}});
   EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
-  scheduler_.AddWorker(WorkerId(3), {.numeric_class = "avx2", .slots = 1, .tags = {"x", "night", "gpu"}});
+  scheduler_.workers().Add(WorkerId(3), {.numeric_class = "avx2", .slots = 1, .tags = {"x", "night", "gpu"}});
   EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).worker, WorkerId(3));
 }
 
 TEST_F(SchedulerTest, APausedJobGetsNoLeasesButKeepsThoseItHas) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 2});
   const auto leases = scheduler_.GrantLeases(kStart);
-  scheduler_.PauseJob(kJob);
-  EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_PAUSED);
+  scheduler_.jobs().Pause(kJob);
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).state, v1::JOB_STATE_PAUSED);
   EXPECT_FALSE(Commit(kAnn, leases[0]));
-  scheduler_.FailUnit(kAnn, leases[1].unit, leases[1].attempt, false, kStart);
+  scheduler_.units().Fail(kAnn, leases[1].unit, leases[1].attempt, false, kStart);
   scheduler_.ExpireLeases(kStart + absl::Seconds(1));
   EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
-  scheduler_.ResumeJob(kJob);
+  scheduler_.jobs().Resume(kJob);
   EXPECT_EQ(scheduler_.GrantLeases(kStart).size(), 2u);
-  scheduler_.AddJob(kOther, Spec(), {.paused = true});
-  EXPECT_EQ(scheduler_.Progress(kOther).state, v1::JOB_STATE_PAUSED);
+  scheduler_.jobs().Add(kOther, Spec(), {.paused = true});
+  EXPECT_EQ(scheduler_.jobs().Progress(kOther).state, v1::JOB_STATE_PAUSED);
 }
 
 TEST_F(SchedulerTest, AJobHasNoMoreLeasesThanItsLimit) {
-  scheduler_.AddJob(kJob, Spec(), {.max_leases = 3});
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 5});
+  scheduler_.jobs().Add(kJob, Spec(), {.max_leases = 3});
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 5});
   const auto leases = scheduler_.GrantLeases(kStart);
   ASSERT_EQ(leases.size(), 3u);
   Commit(kAnn, leases[0]);
@@ -285,72 +286,72 @@ TEST_F(SchedulerTest, AJobHasNoMoreLeasesThanItsLimit) {
 }
 
 TEST_F(SchedulerTest, ADrainedWorkerFinishesWhatItHas) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 2});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 2});
   const GrantedLease lease = scheduler_.GrantLeases(kStart).at(0);
-  scheduler_.DrainWorker(kAnn);
-  EXPECT_EQ(scheduler_.DescribeWorker(kAnn)->state, v1::WORKER_STATE_DRAINING);
+  scheduler_.workers().Drain(kAnn);
+  EXPECT_EQ(scheduler_.workers().Describe(kAnn)->state, v1::WORKER_STATE_DRAINING);
   Commit(kAnn, lease);
   EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
-  EXPECT_TRUE(scheduler_.ReadmitWorker("ann"));
+  EXPECT_TRUE(scheduler_.workers().Readmit("ann"));
   EXPECT_EQ(scheduler_.GrantLeases(kStart).size(), 1u);
 }
 
 TEST_F(SchedulerTest, ABlockedWorkerLosesItsLeasesAndGetsNoneUnderAnyConnection) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 2});
-  scheduler_.AddWorker(kBen, {.name = "ben", .numeric_class = "avx2", .slots = 2});
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 2});
+  scheduler_.workers().Add(kBen, {.name = "ben", .numeric_class = "avx2", .slots = 2});
   const auto leases = scheduler_.GrantLeases(kStart);
-  scheduler_.BlockWorker("ann", "wrong pixels");
-  const std::vector<VoidedLease> voided = scheduler_.TakeVoided();
-  ASSERT_EQ(voided.size(), 2u);
-  EXPECT_EQ(voided[0].worker, kAnn);
-  EXPECT_EQ(voided[0].attempt, leases[0].attempt);
-  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, leases[0].unit, leases[0].attempt, kStart), Completion::kStale);
-  scheduler_.RemoveWorker(kAnn);
-  ASSERT_EQ(scheduler_.Blocked().size(), 1u);
-  EXPECT_EQ(scheduler_.Blocked()[0].reason, "wrong pixels");
-  scheduler_.AddWorker(WorkerId(3), {.name = "ann", .numeric_class = "avx2", .slots = 2});
-  EXPECT_EQ(scheduler_.DescribeWorker(WorkerId(3))->state, v1::WORKER_STATE_BLOCKED);
-  EXPECT_EQ(scheduler_.DescribeWorker(WorkerId(3))->reason, "wrong pixels");
+  scheduler_.workers().Block("ann", "wrong pixels");
+  const std::vector<RevokedLease> revoked = scheduler_.units().TakeRevoked();
+  ASSERT_EQ(revoked.size(), 2u);
+  EXPECT_EQ(revoked[0].worker, kAnn);
+  EXPECT_EQ(revoked[0].attempt, leases[0].attempt);
+  EXPECT_EQ(scheduler_.units().Complete(kAnn, leases[0].unit, leases[0].attempt, kStart), Completion::kStale);
+  scheduler_.workers().Remove(kAnn);
+  ASSERT_EQ(scheduler_.workers().Blocked().size(), 1u);
+  EXPECT_EQ(scheduler_.workers().Blocked()[0].reason, "wrong pixels");
+  scheduler_.workers().Add(WorkerId(3), {.name = "ann", .numeric_class = "avx2", .slots = 2});
+  EXPECT_EQ(scheduler_.workers().Describe(WorkerId(3))->state, v1::WORKER_STATE_BLOCKED);
+  EXPECT_EQ(scheduler_.workers().Describe(WorkerId(3))->reason, "wrong pixels");
   EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
-  EXPECT_TRUE(scheduler_.ReadmitWorker("ann"));
-  EXPECT_FALSE(scheduler_.ReadmitWorker("nobody"));
+  EXPECT_TRUE(scheduler_.workers().Readmit("ann"));
+  EXPECT_FALSE(scheduler_.workers().Readmit("nobody"));
   EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).unit, leases[0].unit);
 }
 
 TEST_F(SchedulerTest, NoMoreFramesAreActiveThanTheirLimit) {
-  scheduler_.SetMaxActiveFrames(2);
-  scheduler_.AddJob(kJob, Spec(/*frames=*/4));
-  scheduler_.AddJob(kOther, Spec(/*frames=*/2));
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 100});
+  scheduler_.frames().SetMaxActive(2);
+  scheduler_.jobs().Add(kJob, Spec(/*frames=*/4));
+  scheduler_.jobs().Add(kOther, Spec(/*frames=*/2));
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 100});
   const auto leases = scheduler_.GrantLeases(kStart);
   EXPECT_EQ(leases.size(), 24u);
-  EXPECT_EQ(scheduler_.active_frames(), 2);
+  EXPECT_EQ(scheduler_.frames().active(), 2);
   for (const GrantedLease& lease : leases) Commit(kAnn, lease);
   EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty()) << "the frames are not written";
   EXPECT_EQ(scheduler_.Explain(leases[0].unit.job, kStart).at(0).code, "frames_in_flight");
-  scheduler_.FrameFinished(leases[0].unit.job, leases[0].unit.key.frame);
+  scheduler_.frames().Finish(leases[0].unit.job, leases[0].unit.key.frame);
   EXPECT_EQ(scheduler_.GrantLeases(kStart).size(), 12u);
 }
 
 TEST_F(SchedulerTest, FramesThatNobodyCanFinishDoNotStopTheOthers) {
-  scheduler_.SetMaxActiveFrames(1);
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.frames().SetMaxActive(1);
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 1});
   scheduler_.GrantLeases(kStart);
-  scheduler_.AddJob(kOther, Spec());
-  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 12});
-  scheduler_.PauseJob(kJob);
-  EXPECT_EQ(scheduler_.active_frames(), 0);
+  scheduler_.jobs().Add(kOther, Spec());
+  scheduler_.workers().Add(kBen, {.numeric_class = "avx2", .slots = 12});
+  scheduler_.jobs().Pause(kJob);
+  EXPECT_EQ(scheduler_.frames().active(), 0);
   EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).unit.job, kOther) << "a paused job's frame does not count";
-  scheduler_.EndJob(kOther);
-  scheduler_.ResumeJob(kJob);
+  scheduler_.jobs().End(kOther);
+  scheduler_.jobs().Resume(kJob);
   for (const GrantedLease& lease : scheduler_.GrantLeases(kStart)) Commit(lease.worker, lease);
-  scheduler_.RemoveWorker(kAnn);
-  scheduler_.RemoveWorker(kBen);  // the job is bound to avx2, and its frame is not finished
-  scheduler_.AddJob(kOther, Spec());
-  scheduler_.AddWorker(WorkerId(3), {.numeric_class = "sse2", .slots = 1});
+  scheduler_.workers().Remove(kAnn);
+  scheduler_.workers().Remove(kBen);  // the job is bound to avx2, and its frame is not finished
+  scheduler_.jobs().Add(kOther, Spec());
+  scheduler_.workers().Add(WorkerId(3), {.numeric_class = "sse2", .slots = 1});
   EXPECT_EQ(scheduler_.GrantLeases(kStart).size(), 1u) << "nor one that no worker can render";
 }
 
@@ -362,21 +363,21 @@ std::vector<std::string> Codes(const std::vector<Reason>& reasons) {
 }
 
 TEST_F(SchedulerTest, ExplainsWhyAJobDoesNotRun) {
-  scheduler_.AddJob(kJob, Spec(),
-                    {.tags = {"gpu"}, .max_leases = 1, .numeric_class = "avx2", .paused = true});
+  scheduler_.jobs().Add(kJob, Spec(),
+                        {.tags = {"gpu"}, .max_leases = 1, .numeric_class = "avx2", .paused = true});
   auto reasons = scheduler_.Explain(kJob, kStart);
   EXPECT_THAT(Codes(reasons), ElementsAre("paused", "no_worker"));
   EXPECT_THAT(reasons[1].text, HasSubstr("class avx2 with the tags gpu"));
-  scheduler_.ResumeJob(kJob);
+  scheduler_.jobs().Resume(kJob);
   const WorkerTraits traits{.name = "ann", .numeric_class = "avx2", .slots = 1, .tags = {"gpu"}};
-  scheduler_.AddWorker(kAnn, traits);
+  scheduler_.workers().Add(kAnn, traits);
   EXPECT_THAT(scheduler_.Explain(kJob, kStart), IsEmpty());
-  scheduler_.DrainWorker(kAnn);
+  scheduler_.workers().Drain(kAnn);
   EXPECT_THAT(Codes(scheduler_.Explain(kJob, kStart)), ElementsAre("worker_unavailable"));
-  scheduler_.ReadmitWorker("ann");
+  scheduler_.workers().Readmit("ann");
   const GrantedLease lease = scheduler_.GrantLeases(kStart).at(0);
   EXPECT_THAT(Codes(scheduler_.Explain(kJob, kStart)), ElementsAre("max_leases"));
-  scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false, kStart);
+  scheduler_.units().Fail(kAnn, lease.unit, lease.attempt, false, kStart);
   reasons = scheduler_.Explain(kJob, kStart);
   EXPECT_THAT(Codes(reasons), ElementsAre("backoff"));
   EXPECT_THAT(reasons[0].text, HasSubstr("j-1 frame 10 tile 0 geometry, for 1 s"));
@@ -384,10 +385,10 @@ TEST_F(SchedulerTest, ExplainsWhyAJobDoesNotRun) {
 }
 
 TEST_F(SchedulerTest, ExplainsThatTheSlotsAreBusyWithOtherJobs) {
-  scheduler_.AddJob(kJob, Spec(), {.user = "ann"});
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 3});
+  scheduler_.jobs().Add(kJob, Spec(), {.user = "ann"});
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 3});
   scheduler_.GrantLeases(kStart);
-  scheduler_.AddJob(kOther, Spec(), {.user = "ben"});
+  scheduler_.jobs().Add(kOther, Spec(), {.user = "ben"});
   const auto reasons = scheduler_.Explain(kOther, kStart);
   ASSERT_THAT(Codes(reasons), ElementsAre("slots_busy"));
   EXPECT_THAT(reasons[0].text,
@@ -396,30 +397,30 @@ TEST_F(SchedulerTest, ExplainsThatTheSlotsAreBusyWithOtherJobs) {
 }
 
 TEST_F(SchedulerTest, DescribesWorkersInPages) {
-  scheduler_.AddJob(kJob, Spec());
-  for (int i = 1; i <= 5; ++i) scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = 1});
+  scheduler_.jobs().Add(kJob, Spec());
+  for (int i = 1; i <= 5; ++i) scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2", .slots = 1});
   const GrantedLease lease = scheduler_.GrantLeases(kStart).at(0);
-  scheduler_.CompleteUnit(kAnn, lease.unit, lease.attempt, kStart + absl::Seconds(4));
-  const auto page = scheduler_.Workers(WorkerId(0), 2);
+  scheduler_.units().Complete(kAnn, lease.unit, lease.attempt, kStart + absl::Seconds(4));
+  const auto page = scheduler_.workers().List(WorkerId(0), 2);
   ASSERT_EQ(page.size(), 2u);
   EXPECT_EQ(page[0].traits.name, "w-1");
   EXPECT_EQ(page[0].units_done, 1);
   EXPECT_EQ(page[0].mean_time, absl::Seconds(4));
   EXPECT_THAT(page[1].jobs, ElementsAre(kJob));
   EXPECT_EQ(page[1].state, v1::WORKER_STATE_BUSY);
-  EXPECT_EQ(scheduler_.Workers(WorkerId(4), 10).size(), 1u);
-  EXPECT_FALSE(scheduler_.DescribeWorker(WorkerId(9)).has_value());
+  EXPECT_EQ(scheduler_.workers().List(WorkerId(4), 10).size(), 1u);
+  EXPECT_FALSE(scheduler_.workers().Describe(WorkerId(9)).has_value());
 }
 
 TEST_F(SchedulerTest, FramesMayHaveGaps) {
   v1::JobSpec spec = Spec(/*frames=*/1);
   spec.add_more_frames()->set_first(20);
   spec.mutable_more_frames(0)->set_count(2);
-  scheduler_.AddJob(kJob, spec);
-  EXPECT_TRUE(scheduler_.RestoreFinishedFrame(kJob, 20));
-  EXPECT_FALSE(scheduler_.RestoreFinishedFrame(kJob, 11));
-  EXPECT_FALSE(scheduler_.RestoreCommittedUnit(kJob, {{19, 0, 0, v1::UNIT_KIND_GEOMETRY}}, kStart));
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 100});
+  scheduler_.jobs().Add(kJob, spec);
+  EXPECT_TRUE(scheduler_.frames().RestoreFinished(kJob, 20));
+  EXPECT_FALSE(scheduler_.frames().RestoreFinished(kJob, 11));
+  EXPECT_FALSE(scheduler_.units().Restore(kJob, {{19, 0, 0, v1::UNIT_KIND_GEOMETRY}}, kStart));
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 100});
   std::set<int32_t> frames;
   const auto leases = scheduler_.GrantLeases(kStart);
   EXPECT_EQ(leases.size(), 24u);
@@ -428,10 +429,10 @@ TEST_F(SchedulerTest, FramesMayHaveGaps) {
     Commit(kAnn, lease);
   }
   EXPECT_EQ(frames, (std::set<int32_t>{10, 21}));
-  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(10, 21));
-  EXPECT_FALSE(scheduler_.FrameFinished(kJob, 21));
-  EXPECT_TRUE(scheduler_.FrameFinished(kJob, 10));
-  EXPECT_EQ(scheduler_.Progress(kJob).frames_total, 3);
+  EXPECT_THAT(scheduler_.frames().Committed(kJob), ElementsAre(10, 21));
+  EXPECT_FALSE(scheduler_.frames().Finish(kJob, 21));
+  EXPECT_TRUE(scheduler_.frames().Finish(kJob, 10));
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).frames_total, 3);
 }
 
 }  // namespace

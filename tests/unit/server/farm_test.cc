@@ -112,7 +112,7 @@ class FarmTest : public testing::Test {
   }
   job::WorkerId Connect(const std::string& name, int slots) {
     const job::WorkerId worker = farm_.workers.Add({.name = name, .slots = slots, .sink = &sinks_[name]});
-    farm_.scheduler.AddWorker(worker, {.name = name, .numeric_class = "c", .slots = slots});
+    farm_.scheduler.workers().Add(worker, {.name = name, .numeric_class = "c", .slots = slots});
     farm_.Complete();
     return worker;
   }
@@ -273,7 +273,7 @@ TEST_F(FarmTest, TheEndOfAJobLeavesNothingOfItBehind) {
   EXPECT_THAT(sinks_["worker"].ended, ElementsAre("j-1"));
   EXPECT_THAT(sinks_["worker"].revoked, IsEmpty()) << "the end says so";
   EXPECT_THAT(farm_.frames.waiting(), IsEmpty());
-  EXPECT_FALSE(farm_.scheduler.HasJob(job));
+  EXPECT_FALSE(farm_.scheduler.jobs().Has(job));
   EXPECT_TRUE(farm_.jobs.IsInMemory(job)) << "until the end is recorded";
   EXPECT_EQ(farm_.StatusOf(job)->workers(), 0);
   farm_.EndJob(job, v1::JOB_STATE_FAILED, "again");
@@ -295,7 +295,7 @@ TEST_F(FarmTest, ASuspendedJobShowsWhatItShowedLast) {
   farm_.SuspendJob(job, {});
   EXPECT_EQ(farm_.StatusOf(job)->job_id(), "j-1");
   EXPECT_EQ(farm_.StatusOf(job)->workers(), 0);
-  EXPECT_FALSE(farm_.scheduler.HasJob(job));
+  EXPECT_FALSE(farm_.scheduler.jobs().Has(job));
   EXPECT_THAT(effects_.ends, IsEmpty());
   v1::JobStatus shown;
   shown.set_job_id("j-2");

@@ -1,0 +1,24 @@
+#include "server/scheduler/free_units.h"
+
+#include <cstddef>
+
+namespace lumifold::scheduler {
+
+void FreeUnits::Advance(const JobUnits& units, const JobFrames& frames) {
+  for (; next_.frame < units.frames().count(); next_ = {next_.frame + 1, 0}) {
+    if (frames.IsFinished(next_.frame)) continue;
+    const FrameState* frame = frames.Find(next_.frame);
+    if (frame == nullptr) break;
+    while (next_.number < units.ordered() &&
+           (frame->taken[static_cast<size_t>(next_.number)] || ahead_.contains(next_)))
+      ++next_.number;
+    if (next_.number < units.ordered()) break;
+  }
+  ahead_.erase(ahead_.begin(), ahead_.lower_bound(next_));
+}
+
+bool FreeUnits::IsInOrder(const Place& place, const JobUnits& units) const {
+  return place >= next_ && place.number < units.ordered() && !ahead_.contains(place);
+}
+
+}  // namespace lumifold::scheduler

@@ -1,0 +1,102 @@
+#include "server/scheduler/jobs.h"
+
+#include <cstdint>
+
+#include "server/job/plan.h"
+
+namespace lumifold::scheduler {
+
+using job::JobId;
+
+Jobs::Jobs(State* state, Frames* frames, Leasing* leasing)
+    : state_(state), frames_(frames), leasing_(leasing) {}
+
+void Jobs::Add(const JobId& id, const v1::JobSpec& spec, const JobOptions& options) {
+  Job& job = state_->jobs.Add(id, spec, options);
+  state_->ready.Add(job.number, options.user, options.priority,
+                    Requirement::Of(options.numeric_class, options.tags));
+  state_->UpdateReady(job);
+}
+
+void Jobs::End(const JobId& id) {
+  Job* const job = state_->jobs.Find(id);
+  if (job == nullptr) return;
+  const int64_t number = job->number;
+  leasing_->RevokeOfJob(number);
+  std::map<UnitIndex, job::WorkerId>& accepted = state_->accepted;
+  for (auto it = accepted.lower_bound({number, {}}); it != accepted.end() && it->first.job == number;) {
+    leasing_->ReleaseSlot(it->second);
+    it = accepted.erase(it);
+  }
+  frames_->Leave(*job);
+  state_->quarantine.EndJob(number);
+  state_->audits.EndJob(number);
+  state_->second_leases.ForgetTimes(number);
+  state_->health.EndJob(number);
+  state_->backoffs.ForgetJob(number);
+  state_->ready.Remove(number);
+  state_->jobs.Remove(number);
+}
+
+void Jobs::Pause(const JobId& id) {
+  Job* const job = state_->jobs.Find(id);
+  if (job == nullptr || job->paused) return;
+  frames_->CountActive(*job, false);
+  job->paused = true;
+  state_->UpdateReady(*job);
+  state_->quarantine.CancelOfJob(job->number);
+}
+
+void Jobs::Resume(const JobId& id) {
+  Job* const job = state_->jobs.Find(id);
+  if (job == nullptr || !job->paused) return;
+  job->paused = false;
+  frames_->CountActive(*job, true);
+  state_->UpdateReady(*job);
+}
+
+void Jobs::SetPriority(const JobId& id, int priority) {
+  if (const Job* job = state_->jobs.Find(id); job != nullptr)
+    state_->ready.SetPriority(job->number, priority);
+}
+
+JobProgress Jobs::Progress(const JobId& id) const {
+  const Job& job = state_->jobs.Get(id);
+  const v1::JobSpec& spec = job.units.spec();
+  const bool needs_plan = job::NeedsPlan(spec);
+  const int frames = needs_plan ? job::FrameList(spec).count() : job.units.frames().count();
+  const AuditBook::Counts audits = state_->audits.CountsOf(job.number);
+  JobProgress progress;
+  progress.units_done = job.frames.committed_units();
+  progress.units_total = job.units.total();
+  progress.samples_done = job.frames.committed_samples();
+  progress.samples_total = int64_t{spec.width()} * spec.height() * spec.samples_per_pixel() * frames;
+  progress.frames_done = job.frames.finished_count();
+  progress.frames_total = frames;
+  progress.workers = static_cast<int>(job.leases.holders.size());
+  progress.leases = job.leases.count;
+  progress.audits_settled = audits.settled;
+  progress.audits_waived = audits.waived;
+  const bool started = job.is_bound || progress.units_done > 0 || progress.leases > 0;
+  if (progress.frames_done == frames) {
+    progress.state = v1::JOB_STATE_DONE;
+  } else if (job.paused) {
+    progress.state = v1::JOB_STATE_PAUSED;
+  } else if (!job.frames.committed().empty()) {
+    progress.state = v1::JOB_STATE_FILTERING;
+  } else {
+    const v1::JobState waiting = needs_plan ? v1::JOB_STATE_SUBMITTED : v1::JOB_STATE_PLANNED;
+    progress.state = started ? v1::JOB_STATE_RUNNING : waiting;
+  }
+  return progress;
+}
+
+const std::string& Jobs::NumericClassOf(const JobId& id) const {
+  return state_->RequirementOf(state_->jobs.Get(id)).numeric_class;
+}
+
+const v1::JobSpec& Jobs::SpecOf(const JobId& id) const { return state_->jobs.Get(id).units.spec(); }
+
+const job::FrameUnits& Jobs::UnitsOf(const JobId& id) const { return state_->jobs.Get(id).units.of_frame(); }
+
+}  // namespace lumifold::scheduler

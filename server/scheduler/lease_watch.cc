@@ -1,0 +1,151 @@
+#include "server/scheduler/lease_watch.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <limits>
+#include <map>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+
+namespace lumifold::scheduler {
+
+using job::Attempt;
+using job::WorkerId;
+
+namespace {
+
+/// Names of lost workers in an error.
+constexpr size_t kMaxNames = 4;
+
+const Attempt kFirstAttempt(std::numeric_limits<int64_t>::min());
+
+}  // namespace
+
+std::vector<LateLease> LeaseWatch::Heartbeat(WorkerId worker, absl::Span<const HeldLease> held,
+                                             Attempt newest, absl::Time now) {
+  state_->SetTime(now);
+  if (const Worker* state = state_->workers.Find(worker); state != nullptr && state->unresponsive) {
+    state_->workers.Change(worker, [](Worker& changed) { changed.unresponsive = false; });
+    TakeBackLosses(worker);
+  }
+  std::map<Attempt, int64_t> progress;
+  for (const HeldLease& lease : held) progress.emplace(lease.attempt, lease.progress);
+  std::vector<LateLease> dropped;
+  for (const Attempt attempt : state_->leases.OfWorker(worker)) {
+    const auto named = progress.find(attempt);
+    if (named != progress.end()) {
+      Renew(attempt, named->second, now);
+    } else if (attempt <= newest) {
+      dropped.push_back(Drop(attempt));
+    }
+  }
+  for (auto it = stalled_.lower_bound({worker, kFirstAttempt});
+       it != stalled_.end() && it->first == worker && it->second <= newest;) {
+    if (progress.contains(it->second)) {
+      ++it;
+      continue;
+    }
+    leasing_->ReleaseSlot(worker);
+    it = stalled_.erase(it);
+  }
+  return dropped;
+}
+
+void LeaseWatch::Renew(Attempt attempt, int64_t progress, absl::Time now) {
+  Lease lease = *state_->leases.Find(attempt);
+  if (progress != lease.progress) lease.progressed = now;
+  lease.received = true;
+  lease.progress = progress;
+  lease.deadline = std::min(now + state_->options.lease, lease.progressed + state_->options.stall);
+  state_->leases.Update(attempt, lease);
+}
+
+LateLease LeaseWatch::Drop(Attempt attempt) {
+  Lease lease = *state_->leases.Find(attempt);
+  lease.received = true;
+  LateLease dropped{state_->jobs.RefOf(lease.unit), lease.worker, Lateness::kDropped, CountLoss(lease)};
+  // As after a failure: otherwise a worker that drops the first free unit would get it again and again.
+  if (lease.audit) {
+    state_->audits.Decline(lease.unit, state_->workers.Find(lease.worker)->traits.name);
+  } else {
+    state_->health.CountDrop(lease.unit, lease.worker);
+  }
+  leasing_->Release(attempt, RetryReason::kDropped);
+  return dropped;
+}
+
+std::vector<LateLease> LeaseWatch::Expire(absl::Time now) {
+  state_->SetTime(now);
+  std::vector<LateLease> late;
+  for (const Attempt attempt : state_->leases.Expired(now)) late.push_back(End(attempt));
+  for (const Attempt attempt : state_->leases.Checks(now)) {
+    if (!BecomesOverdue(attempt, now)) continue;
+    const Lease& lease = *state_->leases.Find(attempt);
+    late.push_back({state_->jobs.RefOf(lease.unit), lease.worker, Lateness::kOverdue, ""});
+  }
+  return late;
+}
+
+LateLease LeaseWatch::End(Attempt attempt) {
+  const Lease lease = *state_->leases.Find(attempt);
+  const bool stalled = lease.deadline >= lease.progressed + state_->options.stall;
+  LateLease ended{state_->jobs.RefOf(lease.unit), lease.worker,
+                  stalled ? Lateness::kStalled : Lateness::kSilent, CountLoss(lease)};
+  if (stalled) {
+    state_->workers.TakeSlot(lease.worker);
+    stalled_.emplace(lease.worker, attempt);
+  } else {
+    NoteAbsence(lease);
+    state_->quarantine.Cancel(lease.worker);
+    state_->workers.Change(lease.worker, [](Worker& worker) { worker.unresponsive = true; });
+  }
+  ++expired_;
+  leasing_->Revoke(attempt, stalled ? RetryReason::kStalled : RetryReason::kExpired);
+  return ended;
+}
+
+bool LeaseWatch::BecomesOverdue(Attempt attempt, absl::Time now) {
+  Lease lease = *state_->leases.Find(attempt);
+  const SecondLeases::Kind kind = state_->KindOf(lease.unit);
+  const double slowness = state_->workers.Find(lease.worker)->slowness;
+  const bool is_late = state_->second_leases.MarkLate(kind, slowness, now, &lease);
+  const bool is_overdue = state_->second_leases.MarkOverdue(kind, now, &lease);
+  state_->leases.Update(attempt, lease);
+  if (is_late && state_->leases.OfUnit(lease.unit).size() == 1)
+    state_->second_leases.Enter(state_->ready.RequirementOf(lease.unit.job), lease.expected_end, attempt);
+  if (!is_overdue || !leasing_->MayReturn(lease.unit)) return false;
+  leasing_->Return(lease.unit);
+  leasing_->CountRetry(RetryReason::kOverdue);
+  return true;
+}
+
+std::string LeaseWatch::CountLoss(const Lease& lease) {
+  if (lease.audit) return "";  // a worker has rendered the unit
+  state_->quarantine.AddLoss(lease.unit, state_->workers.Find(lease.worker)->traits.name);
+  if (!lease.alone || !lease.received) return "";
+  const std::multiset<std::string>& losses = state_->quarantine.LossesOf(lease.unit);
+  const std::set<std::string> distinct(losses.begin(), losses.end());
+  std::vector<std::string> names(distinct.begin(), distinct.end());
+  if (names.size() > kMaxNames) names.resize(kMaxNames);
+  return absl::StrCat(Describe(state_->jobs.RefOf(lease.unit)), ": workers were lost with it ", losses.size(),
+                      " times, the last one while it rendered nothing else: ", absl::StrJoin(names, ", "));
+}
+
+void LeaseWatch::NoteAbsence(const Lease& lease) {
+  if (!lease.audit)
+    state_->quarantine.NoteAbsence(state_->workers.Find(lease.worker)->traits.instance, lease.unit);
+}
+
+void LeaseWatch::TakeBackLosses(WorkerId worker) {
+  const WorkerTraits& traits = state_->workers.Find(worker)->traits;
+  for (const UnitIndex& unit : state_->quarantine.TakeBackLosses(traits.instance, traits.name))
+    leasing_->Return(unit);
+}
+
+void LeaseWatch::Remove(WorkerId worker) {
+  stalled_.erase(stalled_.lower_bound({worker, kFirstAttempt}),
+                 stalled_.lower_bound({WorkerId(worker.value() + 1), kFirstAttempt}));
+}
+
+}  // namespace lumifold::scheduler

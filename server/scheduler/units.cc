@@ -1,0 +1,231 @@
+#include "server/scheduler/units.h"
+
+#include <cstddef>
+#include <optional>
+#include <utility>
+
+#include "filter/image/check.h"
+
+namespace lumifold::scheduler {
+
+using job::Attempt;
+using job::JobId;
+using job::UnitRef;
+using job::WorkerId;
+
+Units::Units(State* state, Frames* frames, Leasing* leasing, Audits* audits)
+    : state_(state), frames_(frames), leasing_(leasing), audits_(audits) {}
+
+bool Units::HasResult(const UnitRef& unit) const {
+  const std::optional<UnitIndex> index = state_->jobs.IndexOf(unit);
+  return index.has_value() && state_->jobs.Get(index->job).frames.HasResult(index->place);
+}
+
+bool Units::HoldsLease(WorkerId worker, const UnitRef& unit, Attempt attempt) const {
+  return state_->FindLease(worker, unit, attempt) != nullptr;
+}
+
+TileSamples Units::SamplesOf(const UnitRef& unit) const {
+  const std::optional<UnitIndex> index = state_->jobs.IndexOf(unit);
+  LUMIFOLD_CHECK(index.has_value());
+  const Job& job = state_->jobs.Get(index->job);
+  return job.frames.SamplesOf(index->place, job.units);
+}
+
+Completion Units::Complete(WorkerId worker, const UnitRef& unit, Attempt attempt, absl::Time now,
+                           absl::string_view digest) {
+  state_->SetTime(now);
+  const std::optional<UnitIndex> index = state_->jobs.IndexOf(unit);
+  if (!index.has_value()) return Completion::kUnknown;
+  const bool holds_lease = HoldsLease(worker, unit, attempt);
+  if (HasResult(unit)) {
+    if (!holds_lease) return Completion::kDuplicate;
+    audits_->Complete(attempt, digest, now);
+    return Completion::kAudited;
+  }
+  if (!holds_lease) return Completion::kStale;
+  OnAccepted(leasing_->Remove(attempt), now);
+  Job& job = state_->jobs.Get(index->job);
+  job.is_bound = true;
+  const WorkerTraits& traits = state_->workers.Find(worker)->traits;
+  if (state_->RequirementOf(job).numeric_class.empty()) Bind(job, traits.numeric_class);
+  state_->accepted.emplace(*index, worker);
+  FrameState& frame = *job.frames.Find(index->place.frame);
+  const auto number = static_cast<size_t>(index->place.number);
+  frame.taken[number] = true;
+  frame.deliverers[number] = state_->deliverers.Acquire(traits.name);
+  audits_->Begin(*index, traits.name, digest, now);
+  return Completion::kAccepted;
+}
+
+void Units::OnAccepted(const Lease& lease, absl::Time now) {
+  const absl::Duration time = now - lease.granted;
+  const std::optional<absl::Duration> mean = state_->second_leases.MeanOf(state_->KindOf(lease.unit));
+  state_->workers.Change(lease.worker, [&](Worker& changed) {
+    ++changed.units_done;
+    changed.unit_time += time;
+    if (mean.has_value() && *mean > absl::ZeroDuration()) SecondLeases::Rate(time, *mean, &changed);
+  });
+  CountTime(lease, now);
+  state_->health.AttributeFailures(lease.unit, lease.worker, now);
+  state_->backoffs.End(lease.unit);
+  RevokeOtherLeases(lease.unit);
+}
+
+void Units::CountTime(const Lease& lease, absl::Time now) {
+  if (!state_->second_leases.CountTime(state_->KindOf(lease.unit), now - lease.granted)) return;
+  for (const Attempt attempt : state_->leases.OfJob(lease.unit.job)) {
+    Lease other = *state_->leases.Find(attempt);
+    const double slowness = state_->workers.Find(other.worker)->slowness;
+    state_->second_leases.Schedule(state_->KindOf(other.unit), slowness, &other);
+    state_->leases.Update(attempt, other);
+  }
+}
+
+void Units::RevokeOtherLeases(const UnitIndex& unit) {
+  for (const Attempt attempt : state_->leases.OfUnit(unit)) leasing_->Revoke(attempt, std::nullopt);
+  Job& job = state_->jobs.Get(unit.job);
+  job.free.Withdraw(unit.place);
+  state_->UpdateReady(job);
+  state_->quarantine.Forget(unit);
+}
+
+void Units::Bind(Job& job, const std::string& numeric_class) {
+  Requirement requirement = state_->RequirementOf(job);
+  requirement.numeric_class = numeric_class;
+  frames_->CountActive(job, false);
+  const std::vector<Attempt> attempts = state_->leases.OfJob(job.number);
+  for (const Attempt attempt : attempts) {
+    Lease lease = *state_->leases.Find(attempt);
+    if (!lease.is_late) continue;
+    state_->second_leases.Remove(state_->RequirementOf(job), lease.expected_end, attempt);
+    lease.is_late = false;  // it is late again at the next check
+    if (!lease.is_overdue) lease.check = state_->latest;
+    state_->leases.Update(attempt, lease);
+  }
+  state_->ready.SetRequirement(job.number, requirement, state_->latest);
+  frames_->CountActive(job, true);
+  state_->UpdateReady(job);
+  for (const Attempt attempt : attempts) {
+    const WorkerId worker = state_->leases.Find(attempt)->worker;
+    if (state_->workers.Find(worker)->traits.numeric_class != numeric_class)
+      leasing_->Revoke(attempt, RetryReason::kOtherClass);
+  }
+}
+
+FailureOutcome Units::Fail(WorkerId worker, const UnitRef& unit, Attempt attempt, bool permanent,
+                           absl::Time now) {
+  state_->SetTime(now);
+  if (!HoldsLease(worker, unit, attempt)) return FailureOutcome::kIgnored;
+  const Lease lease = leasing_->Remove(attempt);
+  if (lease.audit) {
+    audits_->Decline(lease.unit, worker);
+    leasing_->ReleaseSlot(worker);
+    return FailureOutcome::kRetried;
+  }
+  const WorkerHealth::Failures& failures = state_->health.CountFailure(lease.unit, worker, permanent);
+  state_->workers.Change(worker, [](Worker& changed) { ++changed.units_failed; });
+  leasing_->ReleaseSlot(worker);
+  const bool first_opinion = permanent && failures.permanent_by.size() == 1;
+  if (leasing_->MayReturn(lease.unit)) {
+    ReturnAfter(lease.unit,
+                first_opinion ? absl::ZeroDuration() : state_->backoffs.LengthAfter(failures.count), now);
+    leasing_->CountRetry(RetryReason::kFailed);
+  }
+  const bool agreed = failures.permanent_by.size() >= 2;
+  const bool unopposed =
+      permanent && !state_->workers.HasOther(worker, state_->ready.RequirementOf(lease.unit.job));
+  return agreed || unopposed || failures.count >= state_->options.max_failures ? FailureOutcome::kJobFails
+                                                                               : FailureOutcome::kRetried;
+}
+
+void Units::ReturnAfter(const UnitIndex& unit, absl::Duration pause, absl::Time now) {
+  if (pause <= absl::ZeroDuration()) return leasing_->Return(unit);
+  state_->backoffs.Begin(unit, now + pause);
+}
+
+void Units::EndPauses(absl::Time now) {
+  for (const UnitIndex& unit : state_->backoffs.TakeEnded(now)) {
+    if (leasing_->MayReturn(unit)) leasing_->Return(unit);
+  }
+}
+
+bool Units::HandBack(WorkerId worker, const UnitRef& unit, Attempt attempt) {
+  if (!HoldsLease(worker, unit, attempt)) return false;
+  leasing_->Release(attempt, RetryReason::kHandedBack);
+  return true;
+}
+
+bool Units::Commit(const UnitRef& unit) {
+  const std::optional<UnitIndex> index = state_->jobs.IndexOf(unit);
+  if (!index.has_value()) return false;  // the job ended while the unit was being committed
+  EndAccepted(*index);
+  Job& job = state_->jobs.Get(index->job);
+  job.frames.Commit(index->place, job.units);
+  const bool is_frame_committed = frames_->UpdateCommitted(job, index->place.frame);
+  audits_->OnCommitted(*index);
+  return is_frame_committed;
+}
+
+void Units::EndAccepted(const UnitIndex& unit) {
+  const auto accepted = state_->accepted.find(unit);
+  LUMIFOLD_CHECK(accepted != state_->accepted.end());
+  leasing_->ReleaseSlot(accepted->second);  // the worker may have disconnected since
+  state_->accepted.erase(accepted);
+}
+
+void Units::SetPlan(const UnitRef& unit, const v1::JobSpec& planned) {
+  const std::optional<UnitIndex> index = state_->jobs.IndexOf(unit);
+  if (!index.has_value()) return;
+  EndAccepted(*index);
+  Job& job = state_->jobs.Get(index->job);
+  frames_->Leave(job);
+  state_->second_leases.ForgetTimes(job.number);
+  state_->backoffs.ForgetJob(job.number);
+  job.units = JobUnits(planned);
+  job.frames = JobFrames(job.units.frames().count());
+  job.free = FreeUnits();
+  state_->UpdateReady(job);
+}
+
+bool Units::Revoke(const UnitRef& unit) {
+  const std::optional<UnitIndex> index = state_->jobs.IndexOf(unit);
+  if (!index.has_value() || state_->accepted.contains(*index)) return false;
+  Job& job = state_->jobs.Get(index->job);
+  const Place& place = index->place;
+  FrameState* const frame = job.frames.Find(place.frame);  // a finished frame has none
+  if (frame == nullptr || !frame->taken[static_cast<size_t>(place.number)]) return false;
+  frame->taken[static_cast<size_t>(place.number)] = false;
+  frame->revoking.erase(place.number);
+  state_->deliverers.Release(std::exchange(frame->deliverers[static_cast<size_t>(place.number)], 0));
+  job.frames.Revoke(place, job.units);  // before the end of its audit, which may commit the frame
+  audits_->End(*index);
+  for (const Attempt audit : state_->leases.OfUnit(*index)) leasing_->Revoke(audit, std::nullopt);
+  frames_->UpdateCommitted(job, place.frame);
+  if (!job.free.IsInOrder(place, job.units)) job.free.Return(place);  // otherwise it is leased in its turn
+  state_->UpdateReady(job);
+  leasing_->CountRetry(RetryReason::kTakenBack);
+  return true;
+}
+
+bool Units::Restore(const JobId& id, const RestoredUnit& unit, absl::Time now) {
+  state_->SetTime(now);
+  const std::optional<UnitIndex> index = state_->jobs.IndexOf({id, unit.key});
+  if (!index.has_value()) return false;
+  Job& job = state_->jobs.Get(index->job);
+  if (job.frames.IsFinished(index->place.frame)) return true;  // counted with its frame
+  FrameState& frame = frames_->Open(job, index->place.frame);
+  const auto number = static_cast<size_t>(index->place.number);
+  if (frame.rounds != nullptr && !frame.rounds->Has(unit.key)) return false;
+  if (frame.taken[number]) return true;
+  frame.taken[number] = true;
+  job.free.Withdraw(index->place);
+  if (!unit.worker.empty()) frame.deliverers[number] = state_->deliverers.Acquire(unit.worker);
+  job.frames.Commit(index->place, job.units);
+  frames_->UpdateCommitted(job, index->place.frame);
+  audits_->Begin(*index, unit.worker, unit.digest, now);
+  state_->UpdateReady(job);
+  return true;
+}
+
+}  // namespace lumifold::scheduler

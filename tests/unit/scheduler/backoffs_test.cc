@@ -1,0 +1,89 @@
+#include "server/scheduler/backoffs.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace lumifold::scheduler {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+const absl::Time kNow = absl::FromUnixSeconds(1000);
+constexpr UnitIndex kUnit{7, {0, 1}};
+constexpr UnitIndex kLater{7, {0, 2}};
+constexpr UnitIndex kOfOther{8, {0, 0}};
+
+class BackoffsTest : public ::testing::Test {
+ protected:
+  Backoffs backoffs_{{.first_backoff = absl::Seconds(1), .longest_backoff = absl::Seconds(10)}};
+};
+
+TEST_F(BackoffsTest, APauseDoublesWithEachFailureUpToTheLongest) {
+  EXPECT_EQ(backoffs_.LengthAfter(1), absl::Seconds(1));
+  EXPECT_EQ(backoffs_.LengthAfter(2), absl::Seconds(2));
+  EXPECT_EQ(backoffs_.LengthAfter(4), absl::Seconds(8));
+  EXPECT_EQ(backoffs_.LengthAfter(5), absl::Seconds(10));
+  EXPECT_EQ(backoffs_.LengthAfter(1000), absl::Seconds(10));
+}
+
+TEST_F(BackoffsTest, AUnitPausesUntilTheEndAndNoLonger) {
+  backoffs_.Begin(kUnit, kNow);
+  EXPECT_EQ(backoffs_.NextEnd(), kNow);
+  EXPECT_THAT(backoffs_.TakeEnded(kNow - absl::Nanoseconds(1)), IsEmpty());
+  EXPECT_TRUE(backoffs_.IsPaused(kUnit));
+  EXPECT_FALSE(backoffs_.IsPaused(kLater));
+  EXPECT_THAT(backoffs_.TakeEnded(kNow), ElementsAre(kUnit));
+  EXPECT_FALSE(backoffs_.IsPaused(kUnit));
+  EXPECT_THAT(backoffs_.TakeEnded(kNow), IsEmpty());
+  EXPECT_EQ(backoffs_.NextEnd(), absl::InfiniteFuture());
+}
+
+TEST_F(BackoffsTest, ALaterFailurePutsTheEndOff) {
+  backoffs_.Begin(kUnit, kNow + absl::Seconds(1));
+  backoffs_.Begin(kUnit, kNow + absl::Seconds(2));
+  EXPECT_EQ(backoffs_.CountOf(7), 1);
+  EXPECT_THAT(backoffs_.TakeEnded(kNow + absl::Seconds(1)), IsEmpty());
+  EXPECT_THAT(backoffs_.TakeEnded(kNow + absl::Seconds(2)), ElementsAre(kUnit));
+}
+
+TEST_F(BackoffsTest, AUnitThatIsRenderedPausesNoMore) {
+  backoffs_.Begin(kUnit, kNow);
+  backoffs_.Begin(kLater, kNow);
+  backoffs_.End(kUnit);
+  backoffs_.End(kOfOther);  // does not pause
+  EXPECT_FALSE(backoffs_.IsPaused(kUnit));
+  EXPECT_FALSE(backoffs_.LongestOf(7)->place == kUnit.place);
+  EXPECT_THAT(backoffs_.TakeEnded(kNow), ElementsAre(kLater));
+}
+
+TEST_F(BackoffsTest, PausesEndInTheOrderOfTheirEnds) {
+  backoffs_.Begin(kUnit, kNow + absl::Seconds(2));
+  backoffs_.Begin(kOfOther, kNow + absl::Seconds(1));
+  backoffs_.Begin(kLater, kNow + absl::Seconds(3));
+  EXPECT_THAT(backoffs_.TakeEnded(kNow + absl::Seconds(2)), ElementsAre(kOfOther, kUnit));
+}
+
+TEST_F(BackoffsTest, TheLongestPauseIsThatOfTheJob) {
+  EXPECT_FALSE(backoffs_.LongestOf(7).has_value());
+  backoffs_.Begin(kUnit, kNow + absl::Seconds(2));
+  backoffs_.Begin(kLater, kNow + absl::Seconds(1));
+  backoffs_.Begin(kOfOther, kNow + absl::Seconds(9));
+  EXPECT_EQ(backoffs_.CountOf(7), 2);
+  EXPECT_EQ(backoffs_.CountOf(8), 1);
+  EXPECT_EQ(backoffs_.LongestOf(7)->place, kUnit.place);
+  EXPECT_EQ(backoffs_.LongestOf(7)->end, kNow + absl::Seconds(2));
+}
+
+TEST_F(BackoffsTest, AJobThatIsForgottenLeavesThePausesOfOthers) {
+  backoffs_.Begin(kUnit, kNow);
+  backoffs_.Begin(kOfOther, kNow + absl::Seconds(1));
+  backoffs_.ForgetJob(7);
+  EXPECT_FALSE(backoffs_.IsPaused(kUnit));
+  EXPECT_EQ(backoffs_.CountOf(7), 0);
+  EXPECT_EQ(backoffs_.NextEnd(), kNow + absl::Seconds(1));
+  EXPECT_THAT(backoffs_.TakeEnded(absl::InfiniteFuture()), ElementsAre(kOfOther));
+}
+
+}  // namespace
+}  // namespace lumifold::scheduler

@@ -1,0 +1,192 @@
+#include "server/scheduler/quarantine.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "absl/strings/str_cat.h"
+
+namespace lumifold::scheduler {
+namespace {
+
+using job::WorkerId;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+using ::testing::Pair;
+
+constexpr UnitIndex kUnit{7, {0, 1}};
+constexpr UnitIndex kSecond{7, {0, 2}};
+constexpr UnitIndex kOfOther{8, {0, 0}};
+const WorkerId kAnn(1);
+const WorkerId kBen(2);
+const Requirement kAvx2{"avx2", {}};
+
+class QuarantineTest : public ::testing::Test {
+ protected:
+  QuarantineTest() {
+    workers_.Add(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 2});
+    workers_.Add(kBen, {.name = "ben", .numeric_class = "avx2", .slots = 2});
+  }
+
+  void MakeSuspect(const UnitIndex& unit) {
+    for (const char* worker : {"x", "y", "z"}) quarantine_.AddLoss(unit, worker);
+  }
+  void Reserve(const Requirement* requirement = &kAvx2) {
+    quarantine_.Reserve([requirement](const UnitIndex&) { return requirement; });
+  }
+
+  WorkerPool workers_;
+  Quarantine quarantine_{3, &workers_};
+};
+
+TEST_F(QuarantineTest, AUnitIsSuspectFromTheThirdWorkerOrTheSixthLossOn) {
+  quarantine_.AddLoss(kUnit, "x");
+  quarantine_.AddLoss(kUnit, "y");
+  quarantine_.AddLoss(kSecond, "z");
+  EXPECT_FALSE(quarantine_.IsSuspect(kUnit));
+  for (int i = 0; i < 3; ++i) quarantine_.AddLoss(kUnit, "y");
+  EXPECT_FALSE(quarantine_.IsSuspect(kUnit)) << "five losses of two workers";
+  quarantine_.AddLoss(kUnit, "x");
+  EXPECT_TRUE(quarantine_.IsSuspect(kUnit));
+  EXPECT_FALSE(quarantine_.IsSuspect(kSecond));
+  quarantine_.AddLoss(kSecond, "x");
+  quarantine_.AddLoss(kSecond, "y");
+  EXPECT_TRUE(quarantine_.IsSuspect(kSecond)) << "three workers";
+}
+
+TEST_F(QuarantineTest, AnAcceptedUnitIsNoSuspectAnyMore) {
+  MakeSuspect(kUnit);
+  quarantine_.Enter(kUnit);
+  quarantine_.Forget(kUnit);
+  EXPECT_FALSE(quarantine_.IsSuspect(kUnit));
+  EXPECT_THAT(quarantine_.waiting(), IsEmpty());
+  quarantine_.AddLoss(kUnit, "x");
+  EXPECT_FALSE(quarantine_.IsSuspect(kUnit)) << "losses are counted from the beginning";
+}
+
+TEST_F(QuarantineTest, TheUnitIsReadyWhenItsWorkerHasNothingElse) {
+  workers_.TakeSlot(kAnn);
+  workers_.TakeSlot(kBen);
+  MakeSuspect(kUnit);
+  quarantine_.Enter(kUnit);
+  Reserve();
+  EXPECT_THAT(quarantine_.waiting(), IsEmpty());
+  EXPECT_FALSE(workers_.IsFree(kAnn)) << "it gets no other leases";
+  EXPECT_TRUE(workers_.IsFree(kBen));
+  EXPECT_THAT(quarantine_.TakeReady(), IsEmpty());
+  workers_.ReleaseSlot(kAnn);
+  quarantine_.EndIfIdle(kAnn);
+  EXPECT_FALSE(workers_.IsFree(kAnn)) << "its unit is not leased yet";
+  EXPECT_THAT(quarantine_.TakeReady(), ElementsAre(Pair(kAnn, kUnit)));
+  EXPECT_THAT(quarantine_.TakeReady(), IsEmpty()) << "once";
+  workers_.TakeSlot(kAnn);
+  quarantine_.EndIfIdle(kAnn);
+  EXPECT_FALSE(workers_.IsFree(kAnn));
+  workers_.ReleaseSlot(kAnn);
+  quarantine_.EndIfIdle(kAnn);
+  EXPECT_TRUE(workers_.IsFree(kAnn));
+}
+
+TEST_F(QuarantineTest, AWorkerThatWasNotLostWithTheUnitComesFirstThenAnIdleOne) {
+  MakeSuspect(kUnit);
+  quarantine_.AddLoss(kUnit, "ann");
+  workers_.TakeSlot(kBen);
+  quarantine_.Enter(kUnit);
+  Reserve();
+  EXPECT_FALSE(workers_.IsFree(kBen)) << "busy, but not lost with the unit";
+  EXPECT_TRUE(workers_.IsFree(kAnn));
+  MakeSuspect(kSecond);
+  workers_.TakeSlot(kAnn);
+  workers_.Add(WorkerId(3), {.name = "cid", .numeric_class = "avx2", .slots = 2});
+  quarantine_.Enter(kSecond);
+  Reserve();
+  EXPECT_THAT(quarantine_.TakeReady(), ElementsAre(Pair(WorkerId(3), kSecond)));
+}
+
+TEST_F(QuarantineTest, NoWorkerIsReservedForAPausedJobOrOneThatItMayNotRender) {
+  MakeSuspect(kUnit);
+  quarantine_.Enter(kUnit);
+  Reserve(nullptr);
+  const Requirement sse2{"sse2", {}};
+  Reserve(&sse2);
+  EXPECT_THAT(quarantine_.waiting(), ElementsAre(kUnit));
+  EXPECT_TRUE(workers_.IsFree(kAnn));
+  EXPECT_TRUE(workers_.IsFree(kBen));
+}
+
+TEST_F(QuarantineTest, TheLastWorkerIsNotReservedWhileItCoolsDown) {
+  workers_.Remove(kBen);
+  workers_.Change(kAnn, [](Worker& worker) { worker.cools_until = absl::FromUnixSeconds(1); });
+  MakeSuspect(kUnit);
+  quarantine_.Enter(kUnit);
+  Reserve();
+  EXPECT_THAT(quarantine_.waiting(), ElementsAre(kUnit));
+  workers_.Change(kAnn, [](Worker& worker) { worker.cools_until = absl::InfinitePast(); });
+  Reserve();
+  EXPECT_THAT(quarantine_.TakeReady(), ElementsAre(Pair(kAnn, kUnit)));
+}
+
+TEST_F(QuarantineTest, ACancelledReservationLetsTheUnitWaitAgain) {
+  MakeSuspect(kUnit);
+  quarantine_.Enter(kUnit);
+  Reserve();
+  quarantine_.Cancel(kBen);  // has none
+  EXPECT_THAT(quarantine_.waiting(), IsEmpty());
+  quarantine_.Cancel(kAnn);
+  EXPECT_THAT(quarantine_.waiting(), ElementsAre(kUnit));
+  EXPECT_TRUE(workers_.IsFree(kAnn));
+  Reserve();
+  ASSERT_THAT(quarantine_.TakeReady(), ElementsAre(Pair(kAnn, kUnit)));
+  quarantine_.Cancel(kAnn);
+  EXPECT_THAT(quarantine_.waiting(), IsEmpty()) << "the unit is leased";
+  EXPECT_FALSE(workers_.IsFree(kAnn));
+}
+
+TEST_F(QuarantineTest, AtMostSixteenWorkersAreReserved) {
+  for (int i = 3; i <= 20; ++i)
+    workers_.Add(WorkerId(i), {.name = absl::StrCat("w", i), .numeric_class = "avx2"});
+  for (int i = 0; i < 18; ++i) quarantine_.Enter({7, {0, i}});
+  Reserve();
+  EXPECT_EQ(quarantine_.TakeReady().size(), 16u);
+  EXPECT_EQ(quarantine_.waiting().size(), 2u);
+}
+
+TEST_F(QuarantineTest, AProcessThatIsHereAgainTakesItsOwnLossesBack) {
+  for (const char* worker : {"x", "y", "ann"}) quarantine_.AddLoss(kUnit, worker);
+  quarantine_.NoteAbsence(42, kUnit);
+  quarantine_.NoteAbsence(0, kUnit);  // not known
+  quarantine_.Enter(kUnit);
+  EXPECT_THAT(quarantine_.TakeBackLosses(43, "ann"), IsEmpty()) << "another process";
+  EXPECT_THAT(quarantine_.TakeBackLosses(0, "ann"), IsEmpty());
+  EXPECT_THAT(quarantine_.TakeBackLosses(42, "ann"), ElementsAre(kUnit));
+  EXPECT_FALSE(quarantine_.IsSuspect(kUnit));
+  EXPECT_THAT(quarantine_.waiting(), IsEmpty());
+  EXPECT_THAT(quarantine_.LossesOf(kUnit), ElementsAre("x", "y"));
+  EXPECT_THAT(quarantine_.TakeBackLosses(42, "x"), IsEmpty()) << "once";
+}
+
+TEST_F(QuarantineTest, AUnitThatIsStillSuspectStaysWhenAProcessIsHereAgain) {
+  MakeSuspect(kUnit);
+  quarantine_.AddLoss(kUnit, "ann");
+  quarantine_.NoteAbsence(42, kUnit);
+  quarantine_.Enter(kUnit);
+  EXPECT_THAT(quarantine_.TakeBackLosses(42, "ann"), IsEmpty());
+  EXPECT_THAT(quarantine_.waiting(), ElementsAre(kUnit));
+}
+
+TEST_F(QuarantineTest, AJobThatEndsLeavesTheUnitsOfOthers) {
+  MakeSuspect(kUnit);
+  MakeSuspect(kSecond);
+  MakeSuspect(kOfOther);
+  quarantine_.Enter(kUnit);
+  Reserve();
+  quarantine_.Enter(kSecond);
+  quarantine_.Enter(kOfOther);
+  quarantine_.EndJob(7);
+  EXPECT_THAT(quarantine_.waiting(), ElementsAre(kOfOther));
+  EXPECT_TRUE(workers_.IsFree(kAnn)) << "reserved for a unit of the job";
+  EXPECT_FALSE(quarantine_.IsSuspect(kUnit));
+  EXPECT_TRUE(quarantine_.IsSuspect(kOfOther));
+}
+
+}  // namespace
+}  // namespace lumifold::scheduler

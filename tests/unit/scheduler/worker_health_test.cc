@@ -1,0 +1,173 @@
+#include "server/scheduler/worker_health.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace lumifold::scheduler {
+namespace {
+
+using job::WorkerId;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+const absl::Time kNow = absl::FromUnixSeconds(1000);
+constexpr absl::Duration kCoolDown = absl::Minutes(5);
+constexpr UnitIndex kUnit{7, {0, 1}};
+constexpr UnitIndex kSecond{7, {0, 2}};
+constexpr UnitIndex kOfOther{8, {0, 1}};
+const WorkerId kAnn(1);
+const WorkerId kBen(2);
+const WorkerId kCid(3);
+const WorkerId kDan(4);
+
+/// Four workers, so that one of them may cool down.
+class WorkerHealthTest : public ::testing::Test {
+ protected:
+  WorkerHealthTest() {
+    workers_.Add(kAnn, {.name = "ann", .numeric_class = "avx2"});
+    workers_.Add(kBen, {.name = "ben", .numeric_class = "avx2"});
+    workers_.Add(kCid, {.name = "cid", .numeric_class = "avx2"});
+    workers_.Add(kDan, {.name = "dan", .numeric_class = "avx2"});
+  }
+
+  /// `failed` fails a unit that `other` then renders.
+  void Attribute(const UnitIndex& unit, WorkerId failed, absl::Time now = kNow, WorkerId other = kDan) {
+    health_.CountFailure(unit, failed, false);
+    health_.AttributeFailures(unit, other, now);
+  }
+  bool CoolsDown(WorkerId worker) { return workers_.Find(worker)->IsCooling(); }
+
+  WorkerPool workers_;
+  WorkerHealth health_{{.max_attributed_jobs = 2, .cool_down = kCoolDown}, &workers_};
+};
+
+TEST_F(WorkerHealthTest, FailuresOfAUnitAreCountedUntilItIsRendered) {
+  EXPECT_EQ(health_.CountFailure(kUnit, kAnn, false).count, 1);
+  EXPECT_EQ(health_.CountFailure(kSecond, kAnn, false).count, 1) << "another unit";
+  const WorkerHealth::Failures& failures = health_.CountFailure(kUnit, kBen, true);
+  EXPECT_EQ(failures.count, 2);
+  EXPECT_THAT(failures.permanent_by, ElementsAre("ben"));
+  EXPECT_THAT(failures.workers, ElementsAre(kAnn, kBen));
+  health_.AttributeFailures(kUnit, kCid, kNow);
+  EXPECT_EQ(health_.CountFailure(kUnit, kAnn, false).count, 1);
+}
+
+TEST_F(WorkerHealthTest, ADropIsNoFailureButTheUnitGoesToAnother) {
+  health_.CountDrop(kUnit, kAnn);
+  EXPECT_TRUE(health_.WasLastToFail(kUnit, "ann"));
+  EXPECT_EQ(health_.CountFailure(kUnit, kBen, false).count, 1);
+  EXPECT_TRUE(health_.WasLastToFail(kUnit, "ben"));
+  EXPECT_FALSE(health_.WasLastToFail(kUnit, "ann"));
+  EXPECT_FALSE(health_.WasLastToFail(kSecond, "ben"));
+  EXPECT_THAT(health_.FailedWorkersOf(7), ElementsAre(kAnn, kBen));
+  EXPECT_THAT(health_.FailedWorkersOf(8), IsEmpty());
+  health_.AttributeFailures(kUnit, kCid, kNow);
+  EXPECT_FALSE(health_.WasLastToFail(kUnit, "ben")) << "it was rendered";
+}
+
+TEST_F(WorkerHealthTest, AWorkerThatFailsTwoJobsCoolsDown) {
+  Attribute(kUnit, kAnn);
+  Attribute(kSecond, kAnn);
+  EXPECT_FALSE(CoolsDown(kAnn)) << "one job may be at fault itself";
+  Attribute(kOfOther, kAnn);
+  EXPECT_TRUE(CoolsDown(kAnn));
+  EXPECT_FALSE(CoolsDown(kDan)) << "it rendered the units";
+  EXPECT_THAT(health_.CoolDownReason(kAnn), HasSubstr("2 jobs"));
+  const std::vector<CoolingWorker> cooling = health_.TakeCooling();
+  ASSERT_EQ(cooling.size(), 1u);
+  EXPECT_EQ(cooling[0].worker, kAnn);
+  EXPECT_EQ(cooling[0].until, kNow + kCoolDown);
+  EXPECT_THAT(health_.TakeCooling(), IsEmpty());
+}
+
+TEST_F(WorkerHealthTest, AWorkerThatRendersTheUnitAfterAllIsNotAtFault) {
+  Attribute(kUnit, kAnn, kNow, kAnn);
+  Attribute(kOfOther, kAnn, kNow, kAnn);
+  EXPECT_FALSE(CoolsDown(kAnn));
+}
+
+TEST_F(WorkerHealthTest, FailuresAreForgottenAfterTheCoolDownTime) {
+  Attribute(kUnit, kAnn);
+  Attribute(kOfOther, kAnn, kNow + kCoolDown);
+  EXPECT_FALSE(CoolsDown(kAnn));
+  Attribute(kUnit, kAnn, kNow + 2 * kCoolDown - absl::Nanoseconds(1));
+  EXPECT_TRUE(CoolsDown(kAnn)) << "the last failures are of two jobs within the time";
+}
+
+TEST_F(WorkerHealthTest, ACoolDownEndsAtItsTimeAndWhatCausedItIsForgotten) {
+  Attribute(kUnit, kAnn);
+  Attribute(kOfOther, kAnn);
+  health_.EndCoolDowns(kNow + kCoolDown - absl::Nanoseconds(1));
+  EXPECT_TRUE(CoolsDown(kAnn));
+  health_.EndCoolDowns(kNow + kCoolDown);
+  EXPECT_FALSE(CoolsDown(kAnn));
+  EXPECT_EQ(health_.CoolDownReason(kAnn), "");
+  Attribute(kUnit, kAnn);
+  EXPECT_FALSE(CoolsDown(kAnn)) << "one job since";
+}
+
+TEST_F(WorkerHealthTest, HalfOfTheWorkersOfAClassDoNotCoolDown) {
+  workers_.Add(WorkerId(9), {.name = "other", .numeric_class = "sse2"});
+  for (const WorkerId worker : {kAnn, kBen, kCid}) {
+    Attribute(kUnit, worker);
+    Attribute(kOfOther, worker);
+  }
+  EXPECT_TRUE(CoolsDown(kAnn));
+  EXPECT_TRUE(CoolsDown(kBen));
+  EXPECT_FALSE(CoolsDown(kCid)) << "the third of four";
+  for (const WorkerId worker : {kBen, kCid}) workers_.Remove(worker);
+  Attribute(kUnit, kDan, kNow, kAnn);
+  Attribute(kOfOther, kDan, kNow, kAnn);
+  EXPECT_FALSE(CoolsDown(kDan)) << "the last worker that is available";
+}
+
+TEST_F(WorkerHealthTest, AWorkerThatIsGoneIsNotAtFault) {
+  Attribute(kUnit, kAnn);
+  health_.CountFailure(kOfOther, kAnn, false);
+  health_.Remove(kAnn);
+  workers_.Remove(kAnn);
+  health_.AttributeFailures(kOfOther, kDan, kNow);
+  EXPECT_THAT(health_.TakeCooling(), IsEmpty());
+  EXPECT_EQ(health_.CoolDownReason(kAnn), "");
+}
+
+TEST_F(WorkerHealthTest, ABlockIsOfANameAndEndsOneByOne) {
+  workers_.Add(WorkerId(9), {.name = "ann", .numeric_class = "avx2"});
+  health_.Block("ann", "smoke");
+  EXPECT_TRUE(workers_.Find(kAnn)->blocked);
+  EXPECT_TRUE(workers_.Find(WorkerId(9))->blocked);
+  EXPECT_FALSE(workers_.Find(kBen)->blocked);
+  health_.Block("gone", "noise");
+  EXPECT_TRUE(health_.IsBlocked("gone"));
+  EXPECT_EQ(health_.blocked().at("ann"), "smoke");
+  EXPECT_TRUE(health_.Readmit("ann"));
+  EXPECT_FALSE(workers_.Find(WorkerId(9))->blocked);
+  EXPECT_TRUE(health_.IsBlocked("gone"));
+  EXPECT_TRUE(health_.Readmit("gone"));
+  EXPECT_FALSE(health_.Readmit("gone")) << "nobody has this name";
+}
+
+TEST_F(WorkerHealthTest, AReadmittedWorkerIsNeitherBlockedNorDrainingNorCoolingDown) {
+  Attribute(kUnit, kAnn);
+  Attribute(kOfOther, kAnn);
+  health_.Block("ann", "smoke");
+  workers_.Change(kAnn, [](Worker& worker) { worker.draining = true; });
+  health_.EndCoolDowns(kNow + kCoolDown);
+  EXPECT_FALSE(workers_.IsFree(kAnn)) << "it is still blocked";
+  EXPECT_TRUE(health_.Readmit("ann"));
+  EXPECT_TRUE(workers_.IsFree(kAnn));
+  Attribute(kUnit, kAnn, kNow + kCoolDown);
+  EXPECT_FALSE(CoolsDown(kAnn)) << "what was said against it is forgotten";
+}
+
+TEST_F(WorkerHealthTest, AJobThatEndsLeavesTheFailuresOfOthers) {
+  health_.CountFailure(kUnit, kAnn, false);
+  health_.CountFailure(kOfOther, kBen, false);
+  health_.EndJob(7);
+  EXPECT_FALSE(health_.WasLastToFail(kUnit, "ann"));
+  EXPECT_TRUE(health_.WasLastToFail(kOfOther, "ben"));
+}
+
+}  // namespace
+}  // namespace lumifold::scheduler

@@ -137,8 +137,8 @@ struct BlockedWorker {
 /// caller has lost the job.
 ///
 /// Errors, unless stated otherwise:
-///   kUnavailable        with its cause: the storage is full, busy, out of memory or not connected, or it failed to
-///                       read or write. It may work again later.
+///   kUnavailable        with its cause: the storage is full, busy, out of memory or not connected, or it
+///                       failed to read or write. It may work again later.
 ///   kDataLoss           the database is malformed.
 ///   kInternal           naming a job whose row is damaged. Other jobs are not affected.
 ///   kNotFound           there is no such job.

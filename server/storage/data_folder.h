@@ -17,11 +17,12 @@ namespace lumifold::server {
 ///   ledger.db        jobs and committed units
 ///   assets/SHA256    scenes and the files they refer to (SHA256.damaged: the disk has changed its content)
 ///   incoming/        uploads in progress, and what has arrived of those that broke (see AssetStore)
-///   film/JOB/        the unit logs of a job, frame-NNNN.units, and its numeric class (class); until the job has ended,
-///                    its manifest. Where several coordinators share the folder each has logs of its own,
-///                    frame-NNNN.e12.units for epoch 12: one that was taken for dead and goes on writing harms nobody
-///   results/JOB/     results, frame-NNNN.exr, each with its SHA-256, frame-NNNN.exr.sha256; the manifest of a job
-///                    that has ended
+///   film/JOB/        the unit logs of a job, frame-NNNN.units, and its numeric class (class); until the job
+///                    has ended, its manifest. Where several coordinators share the folder each has logs of
+///                    its own, frame-NNNN.e12.units for epoch 12: one that was taken for dead and goes on
+///                    writing harms nobody
+///   results/JOB/     results, frame-NNNN.exr, each with its SHA-256, frame-NNNN.exr.sha256; the manifest of
+///                    a job that has ended
 ///   deleted/JOB      empty: the job was deleted, its files go next (see Janitor)
 ///   access/          authority, server certificate, tokens (see access::AccessControl); there after `init`
 ///   reserve          space that is given up when the disk is full, so that the ledger can still be written

@@ -37,14 +37,14 @@ Committer::Committer(const CommitterOptions& options, const DataFolder& folder, 
       timings_(timings),
       listener_(listener),
       logs_({.epoch = options.epoch,
-             .max_open = options.max_open_logs,
+             .max_open = options.storage.max_open_logs,
              .on_lost =
                  [listener](const FrameKey& frame, const absl::Status& cause,
                             const FrameLogs::LostUnits& lost) {
                    listener->OnUnitsLost(frame.first, frame.second, cause, lost);
                  }},
             folder, store),
-      reserve_(folder.ReservePath(), options.reserve_bytes, folder.files()) {
+      reserve_(folder.ReservePath(), options.storage.reserve_bytes, folder.files()) {
   storage_->OnFail([this] { queue_.NoteStorageFailure(); });
 }
 
@@ -138,8 +138,9 @@ bool Committer::AwaitWork() {
 bool Committer::Pause() {
   const double growth = std::pow(kPauseGrowth, std::min(failures_, kMaxGrowths));
   ++failures_;
-  queue_.Pause(options_.now() + std::min(options_.longest_pause, options_.first_pause * growth),
-               options_.now);
+  queue_.Pause(
+      options_.now() + std::min(options_.storage.longest_pause, options_.storage.first_pause * growth),
+      options_.now);
   return !queue_.is_stopping();
 }
 

@@ -29,6 +29,14 @@ struct NewJob {
   Owner owner = {};
 };
 
+/// What of a job is rendered.
+struct WorkDone {
+  int64_t units = 0;
+  int64_t samples = 0;
+  int64_t bad_samples = 0;
+  int32_t frames = 0;
+};
+
 /// A job as recorded in the ledger.
 struct JobRecord {
   job::JobId id;
@@ -44,10 +52,7 @@ struct JobRecord {
   absl::Time submitted;
   /// Time of the first lease; InfinitePast until a unit of the job is committed.
   absl::Time started = absl::InfinitePast();
-  int64_t units_done = 0;
-  int64_t samples_done = 0;
-  int64_t bad_samples = 0;
-  int32_t frames_done = 0;
+  WorkDone done;
   v1::StageTimes times;
   /// The largest of those frames that were estimated.
   std::optional<double> estimated_error = {};

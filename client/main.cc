@@ -40,26 +40,26 @@ int main(int argc, char** argv) {
   client::Environment environment{.out = std::cout, .err = std::cerr};
   environment.in = &std::cin;
   environment.profiles_folder = lumifold::identity::ProfilesFolder();
-  environment.err_is_terminal = isatty(STDERR_FILENO) == 1;
-  environment.terminal_columns = TerminalColumns();
+  environment.terminal.err_is_terminal = isatty(STDERR_FILENO) == 1;
+  environment.terminal.columns = TerminalColumns();
   const auto has_colours = [](int file) {
     return client::WantsColour(isatty(file) == 1, std::getenv("NO_COLOR"), std::getenv("TERM"));
   };
-  environment.out_has_colours = has_colours(STDOUT_FILENO);
-  environment.err_has_colours = has_colours(STDERR_FILENO);
-  environment.configuration_path = client::ConfigurationPath(environment.profiles_folder);
-  if (const char* path = std::getenv("LUMIFOLD_CONFIG")) environment.configuration_path = path;
-  if (const char* profile = std::getenv("LUMIFOLD_PROFILE")) environment.default_profile = profile;
-  if (const char* server = std::getenv("LUMIFOLD_SERVER")) environment.default_server = server;
-  if (const char* user = std::getenv("USER")) environment.default_user = user;
-  environment.default_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  environment.terminal.out_has_colours = has_colours(STDOUT_FILENO);
+  environment.terminal.err_has_colours = has_colours(STDERR_FILENO);
+  environment.configuration.path = client::ConfigurationPath(environment.profiles_folder);
+  if (const char* path = std::getenv("LUMIFOLD_CONFIG")) environment.configuration.path = path;
+  if (const char* profile = std::getenv("LUMIFOLD_PROFILE")) environment.defaults.profile = profile;
+  if (const char* server = std::getenv("LUMIFOLD_SERVER")) environment.defaults.server = server;
+  if (const char* user = std::getenv("USER")) environment.defaults.user = user;
+  environment.defaults.threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   const char* const trace_parent = std::getenv("TRACEPARENT");
   environment.trace_parent =
       lumifold::rpc::ContinueTrace(trace_parent == nullptr ? "" : trace_parent, lumifold::rpc::SystemRandom);
   environment.interrupted = client::Interrupted;
-  environment.local_farm = lumifold::local::StartLocalFarm;
-  environment.scene_planner = lumifold::local::PlanScene;
-  environment.film_filter = lumifold::local::FilterFilm;
-  environment.methods = lumifold::local::DescribeMethods();
+  environment.local.farm = lumifold::local::StartLocalFarm;
+  environment.local.scene_planner = lumifold::local::PlanScene;
+  environment.local.film_filter = lumifold::local::FilterFilm;
+  environment.local.methods = lumifold::local::DescribeMethods();
   return client::RunClient(argc, argv, environment);
 }

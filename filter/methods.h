@@ -34,8 +34,8 @@ absl::Status CheckMethod(std::string_view method);
 ///          their halves (*_a, *_b), albedo, emission, N.X N.Y N.Z, distance.Z, mask.Y, samples_a.Y,
 ///          samples_b.Y. Glossy light and levels are optional. Result: W x H, R G B.
 /// Units:   linear scene-referred radiance; metres.
-/// Edges:   clamped. A frame of more than 1536 x 1536 pixels, or longer than 4096, is filtered in fixed blocks that
-///          overlap, see BlockParams.
+/// Edges:   clamped. A frame of more than 1536 x 1536 pixels, or longer than 4096, is filtered in fixed
+///          blocks that overlap, see BlockParams.
 /// `method`: the name of one of Methods(). Its parameters may follow, as in
 /// "bilateral:sigma_s=4,sigma_r=0.1". `edges`, `fragments`: the film's edge set and fragments, see
 /// EdgedImage; null or without channels if the film has none.

@@ -47,40 +47,81 @@ constexpr int kExpelled = SIGUSR1;
 /// Before a start that failed because of the ledger is tried again, after an expulsion.
 constexpr timespec kStartPause = {.tv_sec = 1, .tv_nsec = 0};
 
-struct Flags {
-  std::string data_dir;
-  std::string store = "sqlite";
-  std::string listen = "127.0.0.1:7700";
+/// Of several coordinators over one store.
+struct FarmFlags {
   std::string advertise;
   double failover_seconds = 3.0;
-  std::string metrics_address;
-  std::string page_address = "127.0.0.1:0";
-  std::string page_certificate;
-  bool insecure = false;
-  double certificate_hours = absl::ToDoubleHours(lumifold::access::kCredentialLifetime);
-  int filter_threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  uint64_t filter_memory_mb = 0;
-  double filter_minutes = 1440.0;
-  double lease_seconds = 30.0;
-  double heartbeat_seconds = 5.0;
-  lumifold::logging::LogOptions log = {.name = "lumifold-server", .pattern = "%Y-%m-%dT%H:%M:%S.%e %l %v"};
+};
+
+struct PageFlags {
+  std::string address = "127.0.0.1:0";
+  std::string certificate;
+};
+
+struct FilterFlags {
+  int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  uint64_t memory_mb = 0;
+  double minutes = 1440.0;
+};
+
+/// What may lie on the disk.
+struct DiskFlags {
   uint64_t reserve_mb = 16;
   double keep_film_gb = 10;
   double keep_results_days = 0;
   double quota_gb = 0;
-  lumifold::server::Limits limits;
-  double max_asset_gb = static_cast<double>(limits.assets.asset_bytes) / kBytesPerGb;
-  double max_job_gb = static_cast<double>(limits.jobs.job_asset_bytes) / kBytesPerGb;
-  double max_upload_gb = static_cast<double>(limits.assets.uploads.bytes_of_caller) / kBytesPerGb;
-  std::vector<std::string> names;                // of init
-  std::string admin = "admin";                   // of invite-admin
-  std::string health_server = "localhost:7700";  // of health, as the next two
-  bool answers = false;
-  double health_seconds = 5;
-  std::string store_of_command;  // of init and invite-admin; empty: `store`, which has the variable's value
 };
 
-void AddFlags(CLI::App* app, Flags* flags) {
+/// What callers may take.
+struct LimitFlags {
+  lumifold::server::Limits counts;  // what is no number of GB
+  double max_asset_gb = static_cast<double>(counts.assets.asset_bytes) / kBytesPerGb;
+  double max_job_gb = static_cast<double>(counts.jobs.job_asset_bytes) / kBytesPerGb;
+  double max_upload_gb = static_cast<double>(counts.assets.uploads.bytes_of_caller) / kBytesPerGb;
+};
+
+/// Of init and invite-admin.
+struct SetUpFlags {
+  std::vector<std::string> names;
+  std::string admin = "admin";
+  std::string store;  // empty: Flags::store, which has the variable's value
+};
+
+struct HealthFlags {
+  std::string server = "localhost:7700";
+  bool answers = false;
+  double seconds = 5;
+};
+
+struct Flags {
+  std::string data_dir;
+  std::string store = "sqlite";
+  std::string listen = "127.0.0.1:7700";
+  std::string metrics_address;
+  bool insecure = false;
+  double certificate_hours = absl::ToDoubleHours(lumifold::access::kCredentialLifetime);
+  double lease_seconds = 30.0;
+  double heartbeat_seconds = 5.0;
+  lumifold::logging::LogOptions log = {.name = "lumifold-server", .pattern = "%Y-%m-%dT%H:%M:%S.%e %l %v"};
+  FarmFlags farm;
+  PageFlags page;
+  FilterFlags filter;
+  DiskFlags disk;
+  LimitFlags limits;
+};
+
+/// The subcommands, and their flags beside Flags.
+struct Commands {
+  CLI::App* recover = nullptr;
+  CLI::App* init = nullptr;
+  CLI::App* invite_admin = nullptr;
+  CLI::App* health = nullptr;
+  SetUpFlags set_up;
+  HealthFlags probe;
+};
+
+/// Where it keeps jobs, and where others reach it.
+void AddAddresses(CLI::App* app, Flags* flags) {
   app->add_option("--data", flags->data_dir,
                   "Folder for ledger, assets, film and results; created if missing");
   app->add_option("--store", flags->store,
@@ -90,10 +131,10 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--listen", flags->listen, "HOST:PORT to listen on; port 0: a free port")
       ->capture_default_str();
   app->add_option(
-      "--advertise", flags->advertise,
+      "--advertise", flags->farm.advertise,
       "HOST:PORT where others reach this coordinator, of several over one PostgreSQL database (default: by "
       "--listen)");
-  app->add_option("--failover-seconds", flags->failover_seconds,
+  app->add_option("--failover-seconds", flags->farm.failover_seconds,
                   "Time without a sign of life after which another coordinator takes the jobs of this one")
       ->check(CLI::Range(0.5, 3600.0))
       ->capture_default_str();
@@ -101,12 +142,12 @@ void AddFlags(CLI::App* app, Flags* flags) {
       "--metrics-address", flags->metrics_address,
       "Show metrics for Prometheus at http://HOST:PORT/metrics, to anyone who reaches it; PORT alone: "
       "on loopback (default: off)");
-  app->add_option("--page-address", flags->page_address,
+  app->add_option("--page-address", flags->page.address,
                   "Show the status page at HOST:PORT, to those who have a link of 'lumifold page'; port 0: a "
                   "free port; off: nowhere")
       ->capture_default_str();
   app->add_option(
-      "--page-certificate", flags->page_certificate,
+      "--page-certificate", flags->page.certificate,
       "PEM file with key and certificates of the status page off loopback (default: the coordinator's own)");
   app->add_flag("--insecure", flags->insecure,
                 "Allow listening off loopback without encryption, where 'init' has not been run");
@@ -114,23 +155,21 @@ void AddFlags(CLI::App* app, Flags* flags) {
                   "Lifetime of the certificates of server and workers; they are renewed before")
       ->check(CLI::Range(0.005, 24 * 365.0))
       ->capture_default_str();
-  app->add_option("--filter-threads", flags->filter_threads,
-                  "Threads of the filter (default: one for each core)")
+}
+
+void AddFilterFlags(CLI::App* app, FilterFlags* flags) {
+  app->add_option("--filter-threads", flags->threads, "Threads of the filter (default: one for each core)")
       ->check(CLI::Range(1, 1024));
-  app->add_option("--filter-memory-mb", flags->filter_memory_mb,
+  app->add_option("--filter-memory-mb", flags->memory_mb,
                   "Limit of the filter process's address space in MiB; 0: none")
       ->capture_default_str();
-  app->add_option("--filter-minutes", flags->filter_minutes,
+  app->add_option("--filter-minutes", flags->minutes,
                   "Time after which the filter process of a frame is ended")
       ->check(CLI::Range(0.01, 1e6))
       ->capture_default_str();
-  app->add_option("--lease-seconds", flags->lease_seconds,
-                  "Time without a heartbeat after which leases expire")
-      ->check(CLI::Range(0.1, 86400.0))
-      ->capture_default_str();
-  app->add_option("--heartbeat-seconds", flags->heartbeat_seconds, "Interval of the workers' heartbeats")
-      ->check(CLI::Range(0.01, 3600.0))
-      ->capture_default_str();
+}
+
+void AddDiskFlags(CLI::App* app, DiskFlags* flags) {
   app->add_option("--keep-film-gb", flags->keep_film_gb,
                   "Units of finished frames that are kept for add-samples and retry, in GB; 0: none")
       ->check(CLI::Range(0.0, 1e6))
@@ -146,13 +185,26 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--reserve-mb", flags->reserve_mb,
                   "Disk space in MiB that is kept so that the ledger can be written when the disk is full")
       ->capture_default_str();
+}
+
+void AddFlags(CLI::App* app, Flags* flags) {
+  AddAddresses(app, flags);
+  AddFilterFlags(app, &flags->filter);
+  app->add_option("--lease-seconds", flags->lease_seconds,
+                  "Time without a heartbeat after which leases expire")
+      ->check(CLI::Range(0.1, 86400.0))
+      ->capture_default_str();
+  app->add_option("--heartbeat-seconds", flags->heartbeat_seconds, "Interval of the workers' heartbeats")
+      ->check(CLI::Range(0.01, 3600.0))
+      ->capture_default_str();
+  AddDiskFlags(app, &flags->disk);
   lumifold::logging::AddLogFlags(app, &flags->log);
   app->set_version_flag("--version", "lumifold-server " + std::string(lumifold::rpc::kVersion));
 }
 
 /// What callers may take.
-void AddLimits(CLI::App* app, Flags* flags) {
-  app->add_option("--max-user-jobs", flags->limits.jobs.jobs_per_user, "Active jobs of one user")
+void AddLimits(CLI::App* app, LimitFlags* flags) {
+  app->add_option("--max-user-jobs", flags->counts.jobs.jobs_per_user, "Active jobs of one user")
       ->check(CLI::Range(1, 1'000'000))
       ->capture_default_str();
   app->add_option("--max-asset-gb", flags->max_asset_gb, "One file of a scene, in GB")
@@ -166,19 +218,51 @@ void AddLimits(CLI::App* app, Flags* flags) {
       ->check(CLI::Range(1e-6, 1e6))
       ->capture_default_str();
   app->add_option(
-         "--max-requests-per-second", flags->limits.calls.requests_per_second,
+         "--max-requests-per-second", flags->counts.calls.requests_per_second,
          "Calls of one person or, without access control, of one address; five times as many at once")
       ->check(CLI::Range(1.0, 1e6))
       ->capture_default_str();
-  app->add_option("--max-connections-per-address", flags->limits.connections.connections_per_address,
+  app->add_option("--max-connections-per-address", flags->counts.connections.connections_per_address,
                   "Connections of one address")
       ->check(CLI::Range(1, 1'000'000))
       ->capture_default_str();
 }
 
-lumifold::server::Limits LimitsOf(const Flags& flags) {
+void AddCommands(CLI::App* app, Flags* flags, Commands* commands) {
+  commands->recover =
+      app->add_subcommand(lumifold::server::kRecoverCommand,
+                          "Rebuilds a lost or malformed ledger from the files of the data folder, then ends");
+  commands->recover->add_option("--data", flags->data_dir, "The data folder")->required();
+  commands->init = app->add_subcommand(
+      "init",
+      "Makes certificates and the first codes, so that others can connect; prints what to type, then ends");
+  commands->init->add_option(
+      "--name", commands->set_up.names,
+      "A host name or IP address by which others reach it (default: this machine's name); may be repeated");
+  commands->invite_admin = app->add_subcommand(
+      "invite-admin", "Prints a code for 'lumifold login' as an administrator, then ends");
+  commands->invite_admin->add_option("--name", commands->set_up.admin, "The administrator's name")
+      ->capture_default_str();
+  commands->health = app->add_subcommand(
+      "health", "Asks a coordinator's health service, as probes of containers do; exit code 0 if it serves");
+  commands->health->add_option("--data", flags->data_dir,
+                               "Its data folder, for the certificate of its authority");
+  commands->health->add_option("--server", commands->probe.server, "The coordinator, HOST:PORT")
+      ->capture_default_str();
+  commands->health->add_flag("--answers", commands->probe.answers,
+                             "Exit code 0 also if it answers but does not serve, as while its disk is full");
+  commands->health->add_option("--seconds", commands->probe.seconds, "Time to wait for the answer")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
+  for (CLI::App* command : {commands->init, commands->invite_admin}) {
+    command->add_option("--data", flags->data_dir, "The data folder")->required();
+    command->add_option("--store", commands->set_up.store, "As without a command");
+  }
+}
+
+lumifold::server::Limits LimitsOf(const LimitFlags& flags) {
   constexpr double kBurst = 5;
-  lumifold::server::Limits limits = flags.limits;
+  lumifold::server::Limits limits = flags.counts;
   limits.assets.asset_bytes = static_cast<uint64_t>(flags.max_asset_gb * kBytesPerGb);
   limits.jobs.job_asset_bytes = static_cast<uint64_t>(flags.max_job_gb * kBytesPerGb);
   limits.assets.uploads.bytes_of_caller = static_cast<uint64_t>(flags.max_upload_gb * kBytesPerGb);
@@ -262,29 +346,31 @@ int RunServer(const Flags& flags) {
   RaiseFileLimit();
   const std::shared_ptr<spdlog::logger> log = lumifold::logging::MakeNonblockingLogger(flags.log);
   lumifold::server::ServerOptions options;
-  options.data_dir = flags.data_dir;
-  options.store = flags.store;
+  options.data.folder = flags.data_dir;
+  options.data.store = flags.store;
   options.listen = flags.listen;
   options.metrics_address = flags.metrics_address;
-  if (flags.page_address != "off") options.page_address = flags.page_address;
-  options.page_certificate = flags.page_certificate;
-  options.insecure = flags.insecure;
-  options.certificate_lifetime = absl::Hours(flags.certificate_hours);
+  if (flags.page.address != "off") options.page.address = flags.page.address;
+  options.page.certificate = flags.page.certificate;
+  options.security.insecure = flags.insecure;
+  options.security.certificate_lifetime = absl::Hours(flags.certificate_hours);
   options.lease = absl::Seconds(flags.lease_seconds);
   options.heartbeat = absl::Seconds(flags.heartbeat_seconds);
-  options.filter_threads = flags.filter_threads;
-  options.filter_in_child_process = true;
-  options.filter_memory_limit_bytes = flags.filter_memory_mb << 20;
-  options.filter_time_limit = absl::Minutes(flags.filter_minutes);
-  options.reserve_bytes = flags.reserve_mb << 20;
-  options.retention.film_bytes = static_cast<uint64_t>(flags.keep_film_gb * kBytesPerGb);
-  if (flags.keep_results_days > 0) options.retention.keep_results = absl::Hours(24 * flags.keep_results_days);
-  if (flags.quota_gb > 0) options.retention.quota_bytes = static_cast<uint64_t>(flags.quota_gb * kBytesPerGb);
-  options.limits = LimitsOf(flags);
+  options.filter.threads = flags.filter.threads;
+  options.filter.in_child_process = true;
+  options.filter.memory_limit_bytes = flags.filter.memory_mb << 20;
+  options.filter.time_limit = absl::Minutes(flags.filter.minutes);
+  options.data.storage.reserve_bytes = flags.disk.reserve_mb << 20;
+  options.data.retention.film_bytes = static_cast<uint64_t>(flags.disk.keep_film_gb * kBytesPerGb);
+  if (flags.disk.keep_results_days > 0)
+    options.data.retention.keep_results = absl::Hours(24 * flags.disk.keep_results_days);
+  if (flags.disk.quota_gb > 0)
+    options.data.retention.quota_bytes = static_cast<uint64_t>(flags.disk.quota_gb * kBytesPerGb);
+  options.limits = LimitsOf(flags.limits);
   options.log = log;
-  options.advertise = flags.advertise;
-  options.failover = absl::Seconds(flags.failover_seconds);
-  options.on_expelled = [] { kill(getpid(), kExpelled); };
+  options.farm.advertise = flags.farm.advertise;
+  options.farm.failover = absl::Seconds(flags.farm.failover_seconds);
+  options.farm.on_expelled = [] { kill(getpid(), kExpelled); };
   ServiceManager manager;
   return Serve(std::move(options), end_signals, &manager);
 }
@@ -303,32 +389,33 @@ int RunRecover(const std::string& data_dir) {
   return Report(lumifold::server::RecoverLedger(lumifold::server::DataFolder(data_dir)));
 }
 
-lumifold::access::AccessOptions AccessOptionsOf(const Flags& flags) {
+lumifold::access::AccessOptions AccessOptionsOf(const Flags& flags, const SetUpFlags& set_up) {
   lumifold::identity::ProtectMemory();
   return {.folder = lumifold::server::DataFolder(flags.data_dir).AccessPath(),
-          .store = flags.store_of_command.empty() ? flags.store : flags.store_of_command,
+          .store = set_up.store.empty() ? flags.store : set_up.store,
           .certificate_lifetime = absl::Hours(flags.certificate_hours),
           .wall_now = lumifold::identity::ValidityClock,
           .log = std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::null_sink_mt>())};
 }
 
-int RunInit(const Flags& flags) {
-  return Report(lumifold::access::SetUp(AccessOptionsOf(flags), flags.data_dir, flags.names));
+int RunInit(const Flags& flags, const SetUpFlags& set_up) {
+  return Report(lumifold::access::SetUp(AccessOptionsOf(flags, set_up), flags.data_dir, set_up.names));
 }
 
-int RunHealth(const Flags& flags) {
-  const std::string access = lumifold::server::DataFolder(flags.data_dir).AccessPath();
-  lumifold::server::HealthCheckOptions options{.address = flags.health_server, .answers_only = flags.answers};
-  if (!flags.data_dir.empty() && lumifold::access::HasAccessFolder(access))
+int RunHealth(const std::string& data_dir, const HealthFlags& flags) {
+  const std::string access = lumifold::server::DataFolder(data_dir).AccessPath();
+  lumifold::server::HealthCheckOptions options{.address = flags.server, .answers_only = flags.answers};
+  if (!data_dir.empty() && lumifold::access::HasAccessFolder(access))
     options.security.ca_path = access + "/ca.pem";
-  options.timeout = absl::Seconds(flags.health_seconds);
+  options.timeout = absl::Seconds(flags.seconds);
   const absl::Status health = lumifold::server::CheckHealth(options);
   if (health.ok()) return Report("ok\n");
   return Report(health);
 }
 
-int RunInviteAdmin(const Flags& flags) {
-  absl::StatusOr<std::string> code = lumifold::access::InviteAdmin(AccessOptionsOf(flags), flags.admin);
+int RunInviteAdmin(const Flags& flags, const SetUpFlags& set_up) {
+  absl::StatusOr<std::string> code =
+      lumifold::access::InviteAdmin(AccessOptionsOf(flags, set_up), set_up.admin);
   if (code.ok()) code->push_back('\n');
   return Report(code);
 }
@@ -352,33 +439,9 @@ int main(int argc, char** argv) {
       "lumifold-server");
   Flags flags;
   AddFlags(&app, &flags);
-  AddLimits(&app, &flags);
-  CLI::App* recover =
-      app.add_subcommand(lumifold::server::kRecoverCommand,
-                         "Rebuilds a lost or malformed ledger from the files of the data folder, then ends");
-  recover->add_option("--data", flags.data_dir, "The data folder")->required();
-  CLI::App* init = app.add_subcommand(
-      "init",
-      "Makes certificates and the first codes, so that others can connect; prints what to type, then ends");
-  init->add_option(
-      "--name", flags.names,
-      "A host name or IP address by which others reach it (default: this machine's name); may be repeated");
-  CLI::App* invite_admin =
-      app.add_subcommand("invite-admin", "Prints a code for 'lumifold login' as an administrator, then ends");
-  invite_admin->add_option("--name", flags.admin, "The administrator's name")->capture_default_str();
-  CLI::App* health = app.add_subcommand(
-      "health", "Asks a coordinator's health service, as probes of containers do; exit code 0 if it serves");
-  health->add_option("--data", flags.data_dir, "Its data folder, for the certificate of its authority");
-  health->add_option("--server", flags.health_server, "The coordinator, HOST:PORT")->capture_default_str();
-  health->add_flag("--answers", flags.answers,
-                   "Exit code 0 also if it answers but does not serve, as while its disk is full");
-  health->add_option("--seconds", flags.health_seconds, "Time to wait for the answer")
-      ->check(CLI::Range(0.1, 3600.0))
-      ->capture_default_str();
-  for (CLI::App* command : {init, invite_admin}) {
-    command->add_option("--data", flags.data_dir, "The data folder")->required();
-    command->add_option("--store", flags.store_of_command, "As without a command");
-  }
+  AddLimits(&app, &flags.limits);
+  Commands commands;
+  AddCommands(&app, &flags, &commands);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {
@@ -387,10 +450,10 @@ int main(int argc, char** argv) {
     std::cerr << "lumifold-server: " << error.what() << '\n';
     return kExitUsage;
   }
-  if (recover->parsed()) return RunRecover(flags.data_dir);
-  if (init->parsed()) return RunInit(flags);
-  if (invite_admin->parsed()) return RunInviteAdmin(flags);
-  if (health->parsed()) return RunHealth(flags);
+  if (commands.recover->parsed()) return RunRecover(flags.data_dir);
+  if (commands.init->parsed()) return RunInit(flags, commands.set_up);
+  if (commands.invite_admin->parsed()) return RunInviteAdmin(flags, commands.set_up);
+  if (commands.health->parsed()) return RunHealth(flags.data_dir, commands.probe);
   if (flags.data_dir.empty()) {
     std::cerr << "lumifold-server: --data is required\n";
     return kExitUsage;

@@ -59,6 +59,7 @@
 #include "server/services/call_gate.h"
 #include "server/services/farm_service.h"
 #include "server/services/worker_service.h"
+#include "server/storage/folder_contents.h"
 #include "server/storage/reserve_file.h"
 
 namespace lumifold::server {
@@ -87,13 +88,13 @@ std::string HostOf(const std::string& address) {
 class ServerImpl final : public Server {
  public:
   explicit ServerImpl(ServerOptions options)
-      : options_(WithEvents(std::move(options), labels_, &events_)),
-        folder_(options_.data_dir, options_.files),
-        preview_process_(ChildOptions()) {}
+      : options_(WithEvents(std::move(options), log_.labels, &log_.events)),
+        folder_(options_.data.folder, options_.data.files),
+        previews_(ChildOptions()) {}
   ~ServerImpl() override { Shutdown(); }
 
   absl::Status Open();
-  int port() const override { return port_; }
+  int port() const override { return calls_.port; }
   std::shared_ptr<grpc::Channel> InProcessChannel() override;
   absl::Status Check() override { return coordinator_->jobs().GetServerStatus().status(); }
   void Shutdown() override;
@@ -104,12 +105,62 @@ class ServerImpl final : public Server {
     bool has_storage = true;
     bool stops = false;
   };
+  struct GuardedHealth {
+    absl::Mutex mutex;
+    Health state ABSL_GUARDED_BY(mutex);
+  };
+  /// What lines of the log say of jobs, and where they are kept for GetLog.
+  struct OwnLog {
+    EventLog events;
+    const std::shared_ptr<logging::JobLabels> labels = std::make_shared<logging::JobLabels>();
+  };
+  /// Who may call.
+  struct Access {
+    rpc::Security security;
+    const std::unique_ptr<access::Authoriser> authoriser = access::MakeAuthoriser();
+    std::unique_ptr<access::AccessControl> control;  // null: plain text
+    std::unique_ptr<access::Callers> callers = access::MakeLocalCallers();
+    access::OpenCalls local_calls;
+    std::unique_ptr<access::AuditLog> audit;
+  };
+  struct Assets {
+    std::unique_ptr<AssetStore> store;
+    std::unique_ptr<AssetChecks> checks;
+  };
+  struct Previews {
+    explicit Previews(const ChildProcessOptions& options) : process(options) {}
+
+    ChildProcess process;
+    std::unique_ptr<PreviewMaker> maker;
+  };
+  /// One of several coordinators of a farm.
+  struct Member {
+    std::unique_ptr<ledger::Roster> roster;
+    std::unique_ptr<cluster::Membership> membership;
+    cluster::FarmPeers peers;
+    bool has_left = false;
+  };
+  /// What takes calls.
+  struct Calls {
+    std::unique_ptr<CallGate> gate;
+    std::vector<std::unique_ptr<grpc::Service>> services;
+    std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor;
+    std::unique_ptr<grpc::Server> server;
+    std::unique_ptr<Listener> listener;
+    int port = 0;
+    threads::Event stop;
+    std::thread stall_thread;  // ends streams that have stalled
+  };
+  struct Metrics {
+    monitoring::EndpointSockets sockets;
+    std::unique_ptr<monitoring::Endpoint> endpoint;
+  };
 
   ChildProcessOptions ChildOptions() const {
-    return {.store = options_.store,
-            .threads = options_.filter_threads,
-            .memory_limit_bytes = options_.filter_memory_limit_bytes,
-            .time_limit = options_.filter_time_limit};
+    return {.store = options_.data.store,
+            .threads = options_.filter.threads,
+            .memory_limit_bytes = options_.filter.memory_limit_bytes,
+            .time_limit = options_.filter.time_limit};
   }
   /// Opens access control where the data folder has it.
   absl::Status OpenAccess();
@@ -117,7 +168,9 @@ class ServerImpl final : public Server {
   absl::Status Listen();
   /// Whether other coordinators may use the ledger and the data folder.
   bool IsMember() const { return !options_.listen.empty() && !IsStoreInFolder(); }
-  bool IsStoreInFolder() const { return options_.store.empty() || options_.store == ledger::kSqliteStore; }
+  bool IsStoreInFolder() const {
+    return options_.data.store.empty() || options_.data.store == ledger::kSqliteStore;
+  }
   /// Takes the data folder, alone or as one of several.
   absl::Status OpenFolder();
   absl::Status OpenStore();
@@ -144,41 +197,21 @@ class ServerImpl final : public Server {
   void ChangeHealth(absl::FunctionRef<void(Health*)> change);
 
   // In order of construction: each uses members above it.
-  absl::Mutex health_mutex_;
-  Health health_ ABSL_GUARDED_BY(health_mutex_);
-  EventLog events_;
-  const std::shared_ptr<logging::JobLabels> labels_ = std::make_shared<logging::JobLabels>();
+  GuardedHealth health_;
+  OwnLog log_;
   const ServerOptions options_;
   const DataFolder folder_;
   rpc::FileHandle lock_;
-  rpc::Security security_;
-  const std::unique_ptr<access::Authoriser> authoriser_ = access::MakeAuthoriser();
-  std::unique_ptr<access::AccessControl> access_;  // null: plain text
-  std::unique_ptr<access::Callers> callers_ = access::MakeLocalCallers();
+  Access access_;
   std::unique_ptr<ledger::JobStore> store_;
-  std::unique_ptr<AssetStore> assets_;
-  std::unique_ptr<AssetChecks> asset_checks_;
+  Assets assets_;
   std::unique_ptr<FrameFinisher> finisher_;
   std::unique_ptr<Coordinator> coordinator_;
-  ChildProcess preview_process_;
-  std::unique_ptr<PreviewMaker> previews_;
-  std::unique_ptr<ledger::Roster> roster_;           // of a member
-  std::unique_ptr<cluster::Membership> membership_;  // of a member
-  cluster::FarmPeers peers_;
-  access::OpenCalls local_calls_;
-  std::unique_ptr<access::AuditLog> audit_;
-  std::unique_ptr<CallGate> gate_;
-  std::vector<std::unique_ptr<grpc::Service>> services_;
-  std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor_;
-  std::unique_ptr<grpc::Server> grpc_server_;
-  std::unique_ptr<Listener> listener_;
-  int port_ = 0;
-  bool has_left_ = false;
-  monitoring::EndpointSockets metrics_sockets_;
-  std::unique_ptr<monitoring::Endpoint> metrics_;
+  Previews previews_;
+  Member member_;
+  Calls calls_;
+  Metrics metrics_;
   std::unique_ptr<page::StatusPage> page_;
-  threads::Event stop_;
-  std::thread stall_thread_;  // ends streams that have stalled
 };
 
 absl::Status ServerImpl::Open() {
@@ -187,9 +220,9 @@ absl::Status ServerImpl::Open() {
                                                    " is shorter than two heartbeats of ",
                                                    absl::FormatDuration(options_.heartbeat)));
   }
-  security_.insecure = options_.insecure;
+  access_.security.insecure = options_.security.insecure;
   const bool has_access = access::HasAccessFolder(folder_.AccessPath());
-  if (has_access && options_.insecure) {
+  if (has_access && options_.security.insecure) {
     return absl::FailedPreconditionError(
         absl::StrCat("--insecure does not go with ", folder_.AccessPath(),
                      ": 'lumifold-server init' has set up encryption and identities there. Start without "
@@ -198,7 +231,7 @@ absl::Status ServerImpl::Open() {
   }
   if (!options_.listen.empty() && !has_access) {
     // Before anything is made.
-    if (absl::Status status = rpc::CheckListenAddress(options_.listen, security_); !status.ok())
+    if (absl::Status status = rpc::CheckListenAddress(options_.listen, access_.security); !status.ok())
       return status;
   }
   for (const auto& open : {&ServerImpl::OpenFolder, &ServerImpl::OpenStore, &ServerImpl::OpenCoordinator}) {
@@ -217,18 +250,18 @@ absl::Status ServerImpl::OpenFolder() {
   if (!lock.ok()) return lock.status();
   lock_ = *std::move(lock);
   if (absl::Status status = OpenAccess(); !status.ok()) return status;
-  return folder_.RemoveLeftovers();
+  return RemoveLeftovers(folder_);
 }
 
 absl::Status ServerImpl::OpenStore() {
   // A start writes to the ledger; on a full disk in the space that is kept for it.
-  if (!IsMember() && folder_.FreeBytes().value_or(0) < options_.reserve_bytes)
-    ReserveFile(folder_.ReservePath(), options_.reserve_bytes, options_.files).GiveUp();
+  if (!IsMember() && folder_.FreeBytes().value_or(0) < options_.data.storage.reserve_bytes)
+    ReserveFile(folder_.ReservePath(), options_.data.storage.reserve_bytes, options_.data.files).GiveUp();
   if (IsStoreInFolder()) {
     if (absl::Status status = CheckHasLedger(folder_); !status.ok()) return status;
   }
   absl::StatusOr<std::unique_ptr<ledger::JobStore>> store =
-      ledger::OpenJobStore(options_.store, folder_.LedgerPath());
+      ledger::OpenJobStore(options_.data.store, folder_.LedgerPath());
   if (!store.ok()) return IsStoreInFolder() ? AdviseRecovery(folder_, store.status()) : store.status();
   store_ = *std::move(store);
   return absl::OkStatus();
@@ -238,12 +271,15 @@ absl::Status ServerImpl::OpenCoordinator() {
   const std::string uploader = IsMember() ? absl::StrCat(absl::Hex(options_.random()), "-") : "";
   AssetLimits limits = options_.limits.assets;
   limits.uploader = uploader;
-  assets_ = std::make_unique<AssetStore>(folder_.AssetsPath(), folder_.IncomingPath(), options_.log,
-                                         options_.files, limits);
-  asset_checks_ = std::make_unique<AssetChecks>(assets_.get());
-  finisher_ = options_.filter_in_child_process
+  assets_.store = std::make_unique<AssetStore>(folder_.AssetsPath(), folder_.IncomingPath(), options_.log,
+                                               options_.data.files, limits);
+  assets_.checks = std::make_unique<AssetChecks>(assets_.store.get());
+  finisher_ = options_.filter.in_child_process
                   ? MakeChildProcessFinisher(folder_, ChildOptions())
-                  : MakeInProcessFinisher(folder_, store_.get(), options_.filter_threads, options_.now);
+                  : MakeInProcessFinisher(folder_, store_.get(), options_.filter.threads, options_.now);
+  StorageOptions storage = options_.data.storage;
+  storage.max_open_logs = MaxOpenLogs();
+  if (IsMember()) storage.reserve_bytes = 0;  // their ledger is not on the disk of their folder
   absl::StatusOr<std::unique_ptr<Coordinator>> coordinator = Coordinator::Create(
       {.lease = options_.lease,
        .heartbeat = options_.heartbeat,
@@ -251,21 +287,17 @@ absl::Status ServerImpl::OpenCoordinator() {
        .wall_now = options_.wall_now,
        .random = options_.random,
        .log = options_.log,
-       // The ledger of several coordinators is not on the disk of their folder.
-       .reserve_bytes = IsMember() ? 0 : options_.reserve_bytes,
-       .max_open_logs = MaxOpenLogs(),
-       .storage_pauses = options_.storage_pauses,
+       .storage = storage,
        .limits = options_.limits.jobs,
-       .retention = options_.retention,
-       .on_storage_change =
-           [this](bool ok) { ChangeHealth([ok](Health* health) { health->has_storage = ok; }); },
-       .labels = labels_,
-       .events = &events_,
-       .asset_checks = asset_checks_.get(),
-       .insecure = !security_.uses_tls(),
-       .is_member = IsMember(),
-       .on_expelled = options_.on_expelled},
-      folder_, store_.get(), assets_.get(), finisher_.get());
+       .retention = options_.data.retention,
+       .notify = {.on_storage_change =
+                      [this](bool ok) { ChangeHealth([ok](Health* health) { health->has_storage = ok; }); },
+                  .on_expelled = options_.farm.on_expelled},
+       .job_log = {.labels = log_.labels, .events = &log_.events},
+       .asset_checks = assets_.checks.get(),
+       .insecure = !access_.security.uses_tls(),
+       .is_member = IsMember()},
+      folder_, store_.get(), assets_.store.get(), finisher_.get());
   if (!coordinator.ok())
     return IsStoreInFolder() ? AdviseRecovery(folder_, coordinator.status()) : coordinator.status();
   coordinator_ = *std::move(coordinator);
@@ -275,41 +307,41 @@ absl::Status ServerImpl::OpenCoordinator() {
 
 void ServerImpl::OpenPreviews() {
   const auto make = [this](const job::JobId& job, int32_t frame, const PreviewRequest& request) {
-    return options_.filter_in_child_process
-               ? RunMakePreview(&preview_process_, folder_, job, frame, request)
+    return options_.filter.in_child_process
+               ? RunMakePreview(&previews_.process, folder_, job, frame, request)
                : MakePreview(folder_, *store_, job, frame, request, /*pool=*/nullptr);
   };
-  previews_ = std::make_unique<PreviewMaker>(
+  previews_.maker = std::make_unique<PreviewMaker>(
       PreviewOptions{.make = make,
-                     .cancel = [this] { preview_process_.Cancel(); },
+                     .cancel = [this] { previews_.process.Cancel(); },
                      .count_units = [this](const job::JobId& job,
                                            int32_t frame) { return coordinator_->CountUnits(job, frame); }});
 }
 
 std::string ServerImpl::Address() const {
-  if (!options_.advertise.empty()) return options_.advertise;
+  if (!options_.farm.advertise.empty()) return options_.farm.advertise;
   rpc::HostAndPort listen;
   if (!rpc::ParseHostAndPort(options_.listen, &listen).ok()) return options_.listen;
   const bool is_any = listen.host == "0.0.0.0" || listen.host == "::";
   std::array<char, 256> machine = {};
   if (is_any && gethostname(machine.data(), machine.size() - 1) == 0)
-    return absl::StrCat(machine.data(), ":", port_);
-  return absl::StrCat(options_.listen.substr(0, options_.listen.rfind(':')), ":", port_);
+    return absl::StrCat(machine.data(), ":", calls_.port);
+  return absl::StrCat(options_.listen.substr(0, options_.listen.rfind(':')), ":", calls_.port);
 }
 
 absl::Status ServerImpl::JoinFarm() {
-  absl::StatusOr<std::unique_ptr<ledger::Roster>> roster = ledger::OpenPostgresRoster(options_.store);
+  absl::StatusOr<std::unique_ptr<ledger::Roster>> roster = ledger::OpenPostgresRoster(options_.data.store);
   if (!roster.ok()) return roster.status();
-  roster_ = *std::move(roster);
+  member_.roster = *std::move(roster);
   const std::string address = Address();
   coordinator_->SetAddress(address);
-  membership_ = std::make_unique<cluster::Membership>(
+  member_.membership = std::make_unique<cluster::Membership>(
       cluster::MembershipOptions{.owner = coordinator_->resources().owner,
                                  .address = address,
-                                 .lease = options_.failover,
+                                 .lease = options_.farm.failover,
                                  .log = options_.log},
-      roster_.get(), &coordinator_->member());
-  if (absl::Status status = membership_->Start(); !status.ok()) return status;
+      member_.roster.get(), &coordinator_->member());
+  if (absl::Status status = member_.membership->Start(); !status.ok()) return status;
   cluster::FarmPeers::Options options{
       .security = {},
       .seal = nullptr,
@@ -317,11 +349,11 @@ absl::Status ServerImpl::JoinFarm() {
       .self = coordinator_->resources().owner.epoch,
       .owner_of = [this](const job::JobId& job) { return coordinator_->OwnerOf(job); }};
   options.security.insecure = true;
-  if (access_ != nullptr) {
-    options.security.ca_path = security_.ca_path;
-    options.seal = &access_->known().seal();
+  if (access_.control != nullptr) {
+    options.security.ca_path = access_.security.ca_path;
+    options.seal = &access_.control->known().seal();
   }
-  peers_.Join(std::move(options), membership_.get());
+  member_.peers.Join(std::move(options), member_.membership.get());
   return absl::OkStatus();
 }
 
@@ -330,9 +362,9 @@ absl::Status ServerImpl::ShowMetrics() {
   absl::StatusOr<monitoring::EndpointSockets> sockets =
       monitoring::ListenForMetrics(options_.metrics_address);
   if (!sockets.ok()) return sockets.status();
-  metrics_sockets_ = *std::move(sockets);
+  metrics_.sockets = *std::move(sockets);
   absl::StatusOr<std::unique_ptr<monitoring::Endpoint>> metrics = monitoring::Endpoint::Start(
-      {.sockets = &metrics_sockets_,
+      {.sockets = &metrics_.sockets,
        .sources = {monitoring::MakeFarmMetrics([this] {
                      monitoring::FarmFigures figures = coordinator_->Figures();
                      figures.page_viewers = page_ == nullptr ? 0 : page_->viewers();
@@ -341,43 +373,43 @@ absl::Status ServerImpl::ShowMetrics() {
                    coordinator_->resources().timings.source(), monitoring::MakeProcessMetrics()},
        .now = rpc::MonotonicNow});
   if (!metrics.ok()) return metrics.status();
-  metrics_ = *std::move(metrics);
-  options_.log->info("event=metrics address={}", metrics_sockets_.address);
+  metrics_.endpoint = *std::move(metrics);
+  options_.log->info("event=metrics address={}", metrics_.sockets.address);
   return absl::OkStatus();
 }
 
 absl::Status ServerImpl::ShowPage() {
-  if (options_.page_address.empty()) return absl::OkStatus();
-  const bool is_private = rpc::IsLoopback(options_.page_address);
-  std::string certificate = options_.page_certificate;
-  if (certificate.empty() && !is_private) certificate = security_.certificate_path;
-  if (certificate.empty() && !is_private && !options_.insecure) {
+  if (options_.page.address.empty()) return absl::OkStatus();
+  const bool is_private = rpc::IsLoopback(options_.page.address);
+  std::string certificate = options_.page.certificate;
+  if (certificate.empty() && !is_private) certificate = access_.security.certificate_path;
+  if (certificate.empty() && !is_private && !options_.security.insecure) {
     return absl::FailedPreconditionError(
-        absl::StrCat("the status page at ", options_.page_address,
+        absl::StrCat("the status page at ", options_.page.address,
                      " needs encryption: --page-certificate FILE, or access control (lumifold-server init)"));
   }
-  const absl::StatusOr<std::string> key = access_ != nullptr
-                                              ? absl::StatusOr<std::string>(access_->page_key())
+  const absl::StatusOr<std::string> key = access_.control != nullptr
+                                              ? absl::StatusOr<std::string>(access_.control->page_key())
                                               : identity::RandomBytes(kPageKeyBytes);
   if (!key.ok()) return key.status();
   absl::StatusOr<std::unique_ptr<page::StatusPage>> page = page::StatusPage::Start(
-      {.address = options_.page_address,
+      {.address = options_.page.address,
        .certificate_path = certificate,
        .host = is_private ? "127.0.0.1" : HostOf(Address()),
-       .names = {HostOf(options_.page_address), HostOf(options_.listen), HostOf(Address())},
+       .names = {HostOf(options_.page.address), HostOf(options_.listen), HostOf(Address())},
        .channel = InProcessChannel(),
        .session_key = *key,
        .identity_of = [this](const std::string& credential) -> absl::StatusOr<access::Identity> {
-         if (access_ == nullptr || credential.empty()) return access::LocalIdentity();
+         if (access_.control == nullptr || credential.empty()) return access::LocalIdentity();
          const absl::StatusOr<access::Credential> found =
-             access_->known().OfValidId(credential, options_.wall_now());
+             access_.control->known().OfValidId(credential, options_.wall_now());
          if (!found.ok()) return found.status();
          return found->identity();
        },
        .wall_now = options_.wall_now});
   if (!page.ok()) return page.status();
   page_ = *std::move(page);
-  options_.log->info("event=page address={} port={}", options_.page_address, page_->port());
+  options_.log->info("event=page address={} port={}", options_.page.address, page_->port());
   return absl::OkStatus();
 }
 
@@ -393,18 +425,19 @@ absl::Status ServerImpl::OpenAccess() {
   if (access::HasAccessFolder(folder_.AccessPath())) {
     absl::StatusOr<std::unique_ptr<access::AccessControl>> access =
         access::AccessControl::Open({.folder = folder_.AccessPath(),
-                                     .store = options_.store,
-                                     .certificate_lifetime = options_.certificate_lifetime,
+                                     .store = options_.data.store,
+                                     .certificate_lifetime = options_.security.certificate_lifetime,
                                      .wall_now = options_.wall_now,
                                      .log = options_.log});
     if (!access.ok()) return access.status();
-    access_ = *std::move(access);
-    security_ = access_->security();
-    callers_ = access::MakeCallers(&access_->known(), options_.wall_now);
-    access_->Start();
+    access_.control = *std::move(access);
+    access_.security = access_.control->security();
+    access_.callers = access::MakeCallers(&access_.control->known(), options_.wall_now);
+    access_.control->Start();
   }
-  if (absl::Status status = rpc::CheckListenAddress(options_.listen, security_); !status.ok()) return status;
-  if (!security_.uses_tls() && !rpc::IsLoopback(options_.listen)) {
+  if (absl::Status status = rpc::CheckListenAddress(options_.listen, access_.security); !status.ok())
+    return status;
+  if (!access_.security.uses_tls() && !rpc::IsLoopback(options_.listen)) {
     options_.log->warn(
         "event=insecure address={} meaning=\"whoever reaches it can do everything, and read everything\"",
         options_.listen);
@@ -413,64 +446,64 @@ absl::Status ServerImpl::OpenAccess() {
 }
 
 std::shared_ptr<grpc::ServerCredentials> ServerImpl::Credentials() const {
-  if (access_ == nullptr) return rpc::MakeServerCredentials(security_);
+  if (access_.control == nullptr) return rpc::MakeServerCredentials(access_.security);
   return rpc::MakeServerCredentials(
-      security_,
+      access_.security,
       access::MakeCallerCheck(
-          &access_->known(), authoriser_.get(), options_.wall_now,
-          [gate = gate_.get()](const access::Identity& caller, absl::string_view rpc_path,
-                               const absl::Status& why) { gate->NoteRefusal(caller, rpc_path, why); }));
+          &access_.control->known(), access_.authoriser.get(), options_.wall_now,
+          [gate = calls_.gate.get()](const access::Identity& caller, absl::string_view rpc_path,
+                                     const absl::Status& why) { gate->NoteRefusal(caller, rpc_path, why); }));
 }
 
 absl::Status ServerImpl::OpenAudit() {
   // Beside the identities where there are some.
-  const std::string folder = access_ != nullptr ? folder_.AccessPath() : folder_.root();
+  const std::string folder = access_.control != nullptr ? folder_.AccessPath() : folder_.root();
   absl::StatusOr<std::unique_ptr<access::AuditLog>> audit =
       access::AuditLog::Open({.path = folder + "/" + AuditName()});
   if (!audit.ok()) return audit.status();
-  audit_ = *std::move(audit);
+  access_.audit = *std::move(audit);
   return absl::OkStatus();
 }
 
 absl::Status ServerImpl::OpenListener(grpc::ServerBuilder* builder) {
   if (absl::StartsWith(options_.listen, "unix:")) {  // its folder says who may connect
-    builder->AddListeningPort(options_.listen, Credentials(), &port_);
+    builder->AddListeningPort(options_.listen, Credentials(), &calls_.port);
     return absl::OkStatus();
   }
   absl::StatusOr<std::unique_ptr<Listener>> listener =
       Listener::Open({.address = options_.listen,
-                      .expects_tls = security_.uses_tls(),
+                      .expects_tls = access_.security.uses_tls(),
                       .connections_per_address = options_.limits.connections.connections_per_address,
                       .connections = options_.limits.connections.connections,
                       .first_bytes = options_.limits.connections.handshake,
                       .now = rpc::MonotonicNow,
                       .log = options_.log});
   if (!listener.ok()) return listener.status();
-  listener_ = *std::move(listener);
-  port_ = listener_->port();
-  acceptor_ = builder->experimental().AddExternalConnectionAcceptor(
+  calls_.listener = *std::move(listener);
+  calls_.port = calls_.listener->port();
+  calls_.acceptor = builder->experimental().AddExternalConnectionAcceptor(
       grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, Credentials());
   return absl::OkStatus();
 }
 
 absl::Status ServerImpl::StartServices() {
-  gate_ = std::make_unique<CallGate>(
-      CallGate::Options{.callers = callers_.get(),
-                        .open_calls = access_ != nullptr ? &access_->open_calls() : &local_calls_,
-                        .audit = audit_.get(),
-                        .limits = options_.limits.calls,
-                        .lease = options_.lease,
-                        .now = options_.now,
-                        .wall_now = options_.wall_now,
-                        .shut_out =
-                            [this](absl::string_view peer) {
-                              if (listener_ != nullptr) listener_->ShutOut(peer);
-                            },
-                        .admitted =
-                            [this](absl::string_view peer) {
-                              if (listener_ != nullptr) listener_->NoteCall(peer);
-                            }});
-  services_ = MakeServices(
+  calls_.gate = std::make_unique<CallGate>(CallGate::Options{
+      .callers = access_.callers.get(),
+      .open_calls = access_.control != nullptr ? &access_.control->open_calls() : &access_.local_calls,
+      .audit = access_.audit.get(),
+      .limits = options_.limits.calls,
+      .lease = options_.lease,
+      .now = options_.now,
+      .wall_now = options_.wall_now,
+      .shut_out =
+          [this](absl::string_view peer) {
+            if (calls_.listener != nullptr) calls_.listener->ShutOut(peer);
+          },
+      .admitted =
+          [this](absl::string_view peer) {
+            if (calls_.listener != nullptr) calls_.listener->NoteCall(peer);
+          }});
+  calls_.services = MakeServices(
       {.submissions = &coordinator_->submissions(),
        .jobs = &coordinator_->jobs(),
        .changes = &coordinator_->changes(),
@@ -478,25 +511,26 @@ absl::Status ServerImpl::StartServices() {
        .workers = &coordinator_->workers(),
        .traffic = &coordinator_->resources().traffic,
        .epoch = coordinator_->resources().owner.epoch,
-       .checks = asset_checks_.get(),
-       .gate = gate_.get(),
-       .peers = &peers_,
-       .previews = previews_.get(),
+       .checks = assets_.checks.get(),
+       .gate = calls_.gate.get(),
+       .peers = &member_.peers,
+       .previews = previews_.maker.get(),
        .make_link = [this](const std::string& credential, const v1::CreatePageLinkRequest& request) {
          return MakePageLink(credential, request);
        }});
-  services_.push_back(MakeAccessService(access_.get(), gate_.get()));
+  calls_.services.push_back(MakeAccessService(access_.control.get(), calls_.gate.get()));
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
   SetConnectionLimits(options_.limits.connections, &builder);
-  if (access_ != nullptr) SetConnectionAge(options_.certificate_lifetime, &builder);
+  if (access_.control != nullptr) SetConnectionAge(options_.security.certificate_lifetime, &builder);
   if (!options_.listen.empty()) {
     if (absl::Status status = OpenListener(&builder); !status.ok()) return status;
   }
-  for (const std::unique_ptr<grpc::Service>& service : services_) builder.RegisterService(service.get());
-  grpc_server_ = builder.BuildAndStart();
-  if (grpc_server_ == nullptr || (!options_.listen.empty() && port_ == 0)) {
+  for (const std::unique_ptr<grpc::Service>& service : calls_.services)
+    builder.RegisterService(service.get());
+  calls_.server = builder.BuildAndStart();
+  if (calls_.server == nullptr || (!options_.listen.empty() && calls_.port == 0)) {
     return absl::UnavailableError(absl::StrCat("cannot listen on ", options_.listen,
                                                ": the port is taken, or the host is not this machine"));
   }
@@ -511,23 +545,23 @@ absl::Status ServerImpl::Listen() {
   if (IsMember()) {  // before anyone can submit a job: it would have an owner that is no member
     if (absl::Status status = JoinFarm(); !status.ok()) return status;
   }
-  ChangeHealth([this](Health* health) { health->service = grpc_server_->GetHealthCheckService(); });
+  ChangeHealth([this](Health* health) { health->service = calls_.server->GetHealthCheckService(); });
   if (!options_.listen.empty()) {
-    stall_thread_ = std::thread([this] {
-      while (!stop_.WaitFor(kStallInterval)) gate_->EndStalledStreams();
+    calls_.stall_thread = std::thread([this] {
+      while (!calls_.stop.WaitFor(kStallInterval)) calls_.gate->EndStalledStreams();
     });
   }
   if (absl::Status status = ShowPage(); !status.ok()) return status;  // before any call asks for a link
-  if (listener_ != nullptr) {
-    listener_->Start([this](int socket) {
+  if (calls_.listener != nullptr) {
+    calls_.listener->Start([this](int socket) {
       grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters connection;
       connection.fd = socket;
-      acceptor_->HandleNewConnection(&connection);
+      calls_.acceptor->HandleNewConnection(&connection);
     });
   }
   if (!options_.listen.empty()) {
-    options_.log->info("event=listening address={} port={} data={} encrypted={}", options_.listen, port_,
-                       logging::Quoted(options_.data_dir), security_.uses_tls());
+    options_.log->info("event=listening address={} port={} data={} encrypted={}", options_.listen,
+                       calls_.port, logging::Quoted(options_.data.folder), access_.security.uses_tls());
   }
   return absl::OkStatus();
 }
@@ -536,34 +570,34 @@ std::shared_ptr<grpc::Channel> ServerImpl::InProcessChannel() {
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(rpc::kMaxMessageBytes);
   arguments.SetMaxSendMessageSize(rpc::kMaxMessageBytes);
-  return grpc_server_->InProcessChannel(arguments);
+  return calls_.server->InProcessChannel(arguments);
 }
 
 void ServerImpl::ChangeHealth(absl::FunctionRef<void(Health*)> change) {
-  absl::MutexLock lock(&health_mutex_);
-  change(&health_);
-  if (health_.service == nullptr) return;
+  absl::MutexLock lock(&health_.mutex);
+  change(&health_.state);
+  if (health_.state.service == nullptr) return;
   for (const char* service : {"", v1::AccessService::service_full_name(),
                               v1::FarmService::service_full_name(), v1::WorkerService::service_full_name()})
-    health_.service->SetServingStatus(service, health_.has_storage && !health_.stops);
+    health_.state.service->SetServingStatus(service, health_.state.has_storage && !health_.state.stops);
 }
 
 void ServerImpl::Shutdown() {
   ChangeHealth([](Health* health) { health->stops = true; });
-  if (membership_ != nullptr) membership_->Stop();
+  if (member_.membership != nullptr) member_.membership->Stop();
   if (page_ != nullptr) page_->Stop();
   if (coordinator_ != nullptr) coordinator_->StopLeasing();
-  metrics_.reset();
-  metrics_sockets_ = {};
-  stop_.Notify();
-  if (stall_thread_.joinable()) stall_thread_.join();
-  if (access_ != nullptr) access_->Stop();
-  if (asset_checks_ != nullptr) asset_checks_->Stop();  // calls that wait for it get an answer
-  if (previews_ != nullptr) previews_->Stop();          // as these
-  if (listener_ != nullptr) listener_->Stop();
-  if (grpc_server_ != nullptr) grpc_server_->Shutdown(rpc::MonotonicDeadline(kGrace));
+  metrics_.endpoint.reset();
+  metrics_.sockets = {};
+  calls_.stop.Notify();
+  if (calls_.stall_thread.joinable()) calls_.stall_thread.join();
+  if (access_.control != nullptr) access_.control->Stop();
+  if (assets_.checks != nullptr) assets_.checks->Stop();    // calls that wait for it get an answer
+  if (previews_.maker != nullptr) previews_.maker->Stop();  // as these
+  if (calls_.listener != nullptr) calls_.listener->Stop();
+  if (calls_.server != nullptr) calls_.server->Shutdown(rpc::MonotonicDeadline(kGrace));
   if (coordinator_ != nullptr) coordinator_->Shutdown();
-  if (membership_ != nullptr && !std::exchange(has_left_, true)) membership_->Leave();
+  if (member_.membership != nullptr && !std::exchange(member_.has_left, true)) member_.membership->Leave();
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include "server/access/access_control.h"
 #include "server/limits.h"
 #include "server/storage/retention.h"
+#include "server/storage/storage_options.h"
 
 namespace spdlog {
 class logger;
@@ -21,56 +22,72 @@ class logger;
 
 namespace lumifold::server {
 
-struct ServerOptions {
+/// Where a coordinator keeps its jobs, how it writes there, and what it keeps.
+struct DataOptions {
   /// The data folder; created if missing.
-  std::string data_dir;
+  std::string folder;
   /// Name of the ledger's store, see ledger::OpenJobStore; empty: SQLite in the data folder.
   std::string store;
-  /// HOST:PORT to listen on; port 0 for a free port. Empty: do not listen (InProcessChannel still works).
-  std::string listen;
-  /// HOST:PORT at which metrics are shown, see monitoring::EndpointOptions; empty: nowhere.
-  std::string metrics_address;
+  /// Writes all files but the ledger's; outlives the server.
+  FileSystem* files = PrivateFileSystem();
+  /// The number of open logs is set by the server.
+  StorageOptions storage = {.reserve_bytes = uint64_t{16} << 20};
+  /// What is kept of jobs that have ended; the free bytes are set by the disk.
+  RetentionLimits retention;
+};
+
+struct PageOptions {
   /// HOST:PORT of the status page; port 0: a free port; empty: none.
-  std::string page_address;
+  std::string address;
   /// PEM file with key and certificates of the page off loopback; empty: those of access control.
-  std::string page_certificate;
+  std::string certificate;
+};
+
+struct SecurityOptions {
   /// Plain text off loopback is allowed. Without effect where the data folder has access control, see
   /// DataFolder.
   bool insecure = false;
-  /// HOST:PORT where clients, workers and other coordinators of the farm reach this one, with a store that
-  /// coordinators share; empty: made from `listen` and the name of this machine.
+  /// Lifetime of the certificates that access control signs.
+  absl::Duration certificate_lifetime = access::kCredentialLifetime;
+};
+
+/// For a coordinator that shares its store with others.
+struct FarmOptions {
+  /// HOST:PORT where clients, workers and other coordinators of the farm reach this one; empty: made from
+  /// ServerOptions::listen and the name of this machine.
   std::string advertise;
   /// Time without a sign of life after which another coordinator takes the jobs of this one.
   absl::Duration failover = absl::Seconds(3);
   /// Called once, from any thread, when another coordinator has taken the jobs: this server is of no use any
   /// more; start another one.
   std::function<void()> on_expelled = [] {};
-  /// Lifetime of the certificates that access control signs.
-  absl::Duration certificate_lifetime = access::kCredentialLifetime;
+};
 
+struct FilterOptions {
+  /// At least 1.
+  int threads = 1;
+  /// Filter in a child process of this program, whose main must call RunFinishFrameProcess.
+  bool in_child_process = false;
+  /// Limit of the child's address space in bytes; 0 for none.
+  uint64_t memory_limit_bytes = 0;
+  /// A child that runs longer is killed, and its job fails.
+  absl::Duration time_limit = absl::Hours(24);
+};
+
+struct ServerOptions {
+  DataOptions data;
+  /// HOST:PORT to listen on; port 0 for a free port. Empty: do not listen (InProcessChannel still works).
+  std::string listen;
+  /// HOST:PORT at which metrics are shown, see monitoring::EndpointOptions; empty: nowhere.
+  std::string metrics_address;
+  PageOptions page;
+  SecurityOptions security;
+  FarmOptions farm;
   absl::Duration lease = absl::Seconds(30);
   absl::Duration heartbeat = absl::Seconds(5);
-
-  /// Threads of the filter, at least 1.
-  int filter_threads = 1;
-  /// Filter in a child process of this program, whose main must call RunFinishFrameProcess.
-  bool filter_in_child_process = false;
-  /// Limit of the child's address space in bytes; 0 for none.
-  uint64_t filter_memory_limit_bytes = 0;
-  /// A child that runs longer is killed, and its job fails.
-  absl::Duration filter_time_limit = absl::Hours(24);
-
+  FilterOptions filter;
   /// What callers may take.
   Limits limits;
-
-  /// Space that is kept so that the ledger can be written when the disk is full; 0 for none.
-  uint64_t reserve_bytes = uint64_t{16} << 20;
-  /// What is kept of jobs that have ended; the free bytes are set by the disk.
-  RetentionLimits retention;
-  /// Pauses between tries while the storage cannot be written.
-  retry::Pauses storage_pauses = {.first = absl::Milliseconds(250), .longest = absl::Seconds(5)};
-  /// Writes all files but the ledger's; outlives the server.
-  FileSystem* files = PrivateFileSystem();
 
   /// Monotonic clock: orders everything.
   std::function<absl::Time()> now = rpc::MonotonicNow;

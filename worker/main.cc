@@ -91,6 +91,18 @@ std::string TagsError(const std::vector<std::string>& tags) {
   return "";
 }
 
+struct SandboxFlags {
+  std::string user = sandbox::DefaultUser();
+  std::optional<uint64_t> memory_mb;  // default: by the machine
+  bool off = false;
+};
+
+/// The folder of this machine where assets are kept.
+struct AssetCacheFlags {
+  std::string folder;
+  uint64_t gb = 20;
+};
+
 struct Flags {
   std::string server;
   std::string profile;
@@ -103,11 +115,8 @@ struct Flags {
   std::vector<std::string> tags;
   double drain_seconds = 30;
   double exit_when_idle_seconds = std::numeric_limits<double>::infinity();
-  std::string user = sandbox::DefaultUser();
-  std::optional<uint64_t> memory_mb;  // default: by the machine
-  bool no_sandbox = false;
-  std::string asset_cache;
-  uint64_t asset_cache_gb = 20;
+  SandboxFlags sandbox;
+  AssetCacheFlags asset_cache;
   std::string metrics_address;
 };
 
@@ -137,9 +146,9 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--exit-when-idle", flags->exit_when_idle_seconds,
                   "Seconds without a unit after which the worker ends (default: never)")
       ->check(CLI::Range(0.0, 1e9));
-  app->add_option("--asset-cache", flags->asset_cache,
+  app->add_option("--asset-cache", flags->asset_cache.folder,
                   "Folder of this machine where files of scenes are kept for other workers and later ones");
-  app->add_option("--asset-cache-gb", flags->asset_cache_gb,
+  app->add_option("--asset-cache-gb", flags->asset_cache.gb,
                   "Size at which the least recently used of them go")
       ->check(CLI::Range(1, 1 << 20))
       ->capture_default_str();
@@ -147,12 +156,12 @@ void AddFlags(CLI::App* app, Flags* flags) {
       "--metrics-address", flags->metrics_address,
       "Show metrics for Prometheus at http://HOST:PORT/metrics, to anyone who reaches it; PORT alone: "
       "on loopback (default: off)");
-  app->add_option("--memory-mb", flags->memory_mb,
+  app->add_option("--memory-mb", flags->sandbox.memory_mb,
                   "Limit of the address space in MiB; 0: none (default: the machine's memory and a reserve)");
-  app->add_option("--user", flags->user,
+  app->add_option("--user", flags->sandbox.user,
                   "User to become when started as root; root: stay. With a profile: always its owner")
       ->capture_default_str();
-  app->add_flag("--no-sandbox", flags->no_sandbox,
+  app->add_flag("--no-sandbox", flags->sandbox.off,
                 "For debugging: no limits, all files, all system calls, and root stays root");
   lumifold::logging::AddLogFlags(app, &flags->log);
   app->footer(
@@ -186,7 +195,7 @@ std::vector<uint16_t> PortsOf(const std::vector<std::string>& servers) {
 }
 
 void LogSandbox(const Flags& flags, const sandbox::SandboxReport& report, spdlog::logger& log) {
-  if (flags.no_sandbox) {
+  if (flags.sandbox.off) {
     log.warn(
         "event=no_sandbox meaning=\"--no-sandbox was given: a malformed scene that takes over this worker "
         "can do "
@@ -256,7 +265,7 @@ absl::StatusOr<Target> FindTarget(const Flags& flags, const lumifold::identity::
 /// The user that a worker becomes when started as root: with a profile its owner, who must be able to renew
 /// it.
 absl::StatusOr<std::string> UserFor(const Flags& flags, const Target& target) {
-  if (target.folder.empty() || geteuid() != 0) return flags.user;
+  if (target.folder.empty() || geteuid() != 0) return flags.sandbox.user;
   struct stat info = {};
   const passwd* const owner = stat(target.folder.c_str(), &info) == 0 ? getpwuid(info.st_uid) : nullptr;
   if (owner == nullptr)
@@ -266,11 +275,11 @@ absl::StatusOr<std::string> UserFor(const Flags& flags, const Target& target) {
 
 /// Makes the folder of --asset-cache, before the sandbox, which opens what is there.
 absl::Status PrepareAssetCache(const Flags& flags, const Target& target) {
-  if (flags.asset_cache.empty()) return absl::OkStatus();
+  if (flags.asset_cache.folder.empty()) return absl::OkStatus();
   const absl::StatusOr<std::string> user = UserFor(flags, target);
   if (!user.ok()) return user.status();
-  const passwd* const becomes = geteuid() == 0 && !flags.no_sandbox ? getpwnam(user->c_str()) : nullptr;
-  return lumifold::worker::MakeAssetFolder(flags.asset_cache,
+  const passwd* const becomes = geteuid() == 0 && !flags.sandbox.off ? getpwnam(user->c_str()) : nullptr;
+  return lumifold::worker::MakeAssetFolder(flags.asset_cache.folder,
                                            becomes == nullptr ? geteuid() : becomes->pw_uid);
 }
 
@@ -286,17 +295,17 @@ absl::StatusOr<std::optional<lumifold::monitoring::EndpointSockets>> ListenForMe
 
 /// Enters the sandbox, before any thread starts: it holds only for threads that start later.
 absl::StatusOr<sandbox::SandboxReport> EnterSandbox(const Flags& flags, const Target& target) {
-  if (flags.no_sandbox) return sandbox::SandboxReport();
+  if (flags.sandbox.off) return sandbox::SandboxReport();
   const absl::StatusOr<std::string> user = UserFor(flags, target);
   if (!user.ok()) return user.status();
   sandbox::SandboxOptions options;
   options.user = *user;
-  options.memory_bytes =
-      flags.memory_mb.has_value() ? *flags.memory_mb << 20 : sandbox::DefaultMemoryBytes(flags.threads);
+  options.memory_bytes = flags.sandbox.memory_mb.has_value() ? *flags.sandbox.memory_mb << 20
+                                                             : sandbox::DefaultMemoryBytes(flags.threads);
   options.open_files = kMaxOpenFiles;
   options.file_bytes = kMaxFileBytes;
   if (!target.folder.empty()) options.writable = {target.folder};  // its certificate is renewed there
-  if (!flags.asset_cache.empty()) options.writable.push_back(flags.asset_cache);
+  if (!flags.asset_cache.folder.empty()) options.writable.push_back(flags.asset_cache.folder);
   options.network = true;
   options.accepts = !flags.metrics_address.empty();
   options.connect_ports = PortsOf(target.servers);
@@ -314,6 +323,22 @@ lumifold::worker::WorkerLog MakeLog(const Flags& flags, const std::string& name)
       lumifold::worker::MakeWorkerLog(lumifold::logging::MakeNonblockingLogger(flags.log));
   log.labels->SetWorker("-/" + name);  // it has no id yet
   return log;
+}
+
+/// Tells why the worker ends with an error, and its exit code.
+int ExitCodeOf(const absl::Status& status, spdlog::logger& log) {
+  if (absl::IsUnauthenticated(status) || absl::IsPermissionDenied(status)) {
+    log.error("event=not_admitted error={}", lumifold::logging::Quoted(status.message()));
+    std::fprintf(stderr, "lumifold-worker: %s. The worker needs a new code: 'lumifold-worker enroll'\n",
+                 std::string(status.message()).c_str());
+    return kExitNotAdmitted;
+  }
+  if (absl::IsDeadlineExceeded(status)) {
+    log.error("event=not_reached error={}", lumifold::logging::Quoted(status.message()));
+    Fail(status);
+    return kExitNotReached;
+  }
+  return Fail(status);
 }
 
 int RunWorkerProcess(const Flags& flags) {
@@ -352,8 +377,8 @@ int RunWorkerProcess(const Flags& flags) {
       .threads = flags.threads,
       .tags = flags.tags,
       .log = worker_log,
-      .asset_folder = has_cache.ok() ? flags.asset_cache : "",
-      .asset_folder_bytes = flags.asset_cache_gb << 30,
+      .asset_folder = has_cache.ok() ? flags.asset_cache.folder : "",
+      .asset_folder_bytes = flags.asset_cache.gb << 30,
       .leave = &leave,
       .drain = absl::Seconds(flags.drain_seconds),
       .check_identity = [&renewal] { return renewal.CheckNotExpired(); },
@@ -366,18 +391,7 @@ int RunWorkerProcess(const Flags& flags) {
        .connect = [&target](const std::string& address) { return Connect(address, target->security); }},
       options, never);
   manager.Stopping();
-  if (absl::IsUnauthenticated(status) || absl::IsPermissionDenied(status)) {
-    log->error("event=not_admitted error={}", lumifold::logging::Quoted(status.message()));
-    std::fprintf(stderr, "lumifold-worker: %s. The worker needs a new code: 'lumifold-worker enroll'\n",
-                 std::string(status.message()).c_str());
-    return kExitNotAdmitted;
-  }
-  if (absl::IsDeadlineExceeded(status)) {
-    log->error("event=not_reached error={}", lumifold::logging::Quoted(status.message()));
-    Fail(status);
-    return kExitNotReached;
-  }
-  if (!status.ok()) return Fail(status);
+  if (!status.ok()) return ExitCodeOf(status, *log);
   log->info("event=stop name={} threads={} seconds={:.3f}", name, flags.threads,
             absl::ToDoubleSeconds(lumifold::rpc::MonotonicNow() - start));
   return 0;

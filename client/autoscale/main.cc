@@ -38,10 +38,33 @@ namespace client = lumifold::client;
 constexpr absl::Duration kTick = absl::Milliseconds(100);
 constexpr size_t kMaxFarmNameBytes = 64;
 
-struct Flags {
+struct FarmFlags {
   std::string server;
   std::string profile;
   bool insecure = false;
+  std::vector<std::string> tags;
+};
+
+struct TuningFlags {
+  autoscale::Tuning counts;  // what is no number of seconds
+  double finish_seconds = absl::ToDoubleSeconds(counts.finish_within);
+  double idle_seconds = absl::ToDoubleSeconds(counts.idle);
+  double first_pause_seconds = absl::ToDoubleSeconds(counts.pauses.first);
+  double longest_pause_seconds = absl::ToDoubleSeconds(counts.pauses.longest);
+  double start_seconds = absl::ToDoubleSeconds(counts.start_time);
+  double join_seconds = absl::ToDoubleSeconds(counts.join_within);
+};
+
+struct SlurmFlags {
+  std::string farm = "farm";
+  std::string script;
+  std::vector<std::string> sbatch_arguments;
+  std::vector<std::string> worker_arguments;
+  double call_seconds = 30;
+};
+
+struct Flags {
+  FarmFlags farm;
   std::string state;
   bool once = false;
   bool dry_run = false;
@@ -50,22 +73,11 @@ struct Flags {
   double interval_seconds = 15;
   autoscale::Limits limits;
   double budget_days = 0;
-  autoscale::Tuning tuning;
-  double finish_seconds = absl::ToDoubleSeconds(tuning.finish_within);
-  double idle_seconds = absl::ToDoubleSeconds(tuning.idle);
-  double first_pause_seconds = absl::ToDoubleSeconds(tuning.pauses.first);
-  double longest_pause_seconds = absl::ToDoubleSeconds(tuning.pauses.longest);
-  double start_seconds = absl::ToDoubleSeconds(tuning.start_time);
-  double join_seconds = absl::ToDoubleSeconds(tuning.join_within);
-  double call_seconds = 30;
-  std::vector<std::string> tags;
-  std::string farm = "farm";
-  std::string script;
-  std::vector<std::string> sbatch_arguments;
-  std::vector<std::string> worker_arguments;
+  TuningFlags tuning;
+  SlurmFlags slurm;
 };
 
-void AddFarmFlags(CLI::App* app, Flags* flags) {
+void AddFarmFlags(CLI::App* app, FarmFlags* flags) {
   app->add_option(
       "--server", flags->server,
       "Coordinator, HOST:PORT (default: $LUMIFOLD_SERVER, else that of the profile, else 127.0.0.1:7700)");
@@ -99,27 +111,27 @@ void AddTuningFlags(CLI::App* app, Flags* flags) {
     app->add_option(name, *value, help)->check(CLI::Range(0.1, 1e9))->capture_default_str();
   };
   seconds("--interval-seconds", &flags->interval_seconds, "Time between two looks");
-  seconds("--finish-seconds", &flags->finish_seconds,
+  seconds("--finish-seconds", &flags->tuning.finish_seconds,
           "Ask for as many workers as finish all units in this time");
-  seconds("--idle-seconds", &flags->idle_seconds, "Release a worker that was idle for this time");
-  seconds("--first-pause-seconds", &flags->first_pause_seconds,
+  seconds("--idle-seconds", &flags->tuning.idle_seconds, "Release a worker that was idle for this time");
+  seconds("--first-pause-seconds", &flags->tuning.first_pause_seconds,
           "Pause after a refusal, or after workers that died at their start; doubled with each");
-  seconds("--longest-pause-seconds", &flags->longest_pause_seconds, "The longest of these pauses");
-  seconds("--start-seconds", &flags->start_seconds,
+  seconds("--longest-pause-seconds", &flags->tuning.longest_pause_seconds, "The longest of these pauses");
+  seconds("--start-seconds", &flags->tuning.start_seconds,
           "A worker that ends within this time has died at its start");
-  seconds("--join-seconds", &flags->join_seconds,
+  seconds("--join-seconds", &flags->tuning.join_seconds,
           "Release a worker that has not joined the farm after this time");
-  seconds("--call-seconds", &flags->call_seconds, "Limit of each command of Slurm");
-  app->add_option("--slots", flags->tuning.slots_per_worker,
+  seconds("--call-seconds", &flags->slurm.call_seconds, "Limit of each command of Slurm");
+  app->add_option("--slots", flags->tuning.counts.slots_per_worker,
                   "Units a worker takes at a time, until one has joined")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
-  app->add_option("--cores", flags->tuning.cores_per_worker, "Processors of a worker, for the budget")
+  app->add_option("--cores", flags->tuning.counts.cores_per_worker, "Processors of a worker, for the budget")
       ->check(CLI::Range(0.01, 1e5))
       ->capture_default_str();
 }
 
-void AddSlurmFlags(CLI::App* app, Flags* flags) {
+void AddSlurmFlags(CLI::App* app, SlurmFlags* flags) {
   app->add_option("--farm", flags->farm, "Name of the farm, part of the names of its jobs")
       ->capture_default_str();
   app->add_option("--script", flags->script, "The batch script, deploy/slurm/worker.sbatch")
@@ -133,8 +145,8 @@ void AddSlurmFlags(CLI::App* app, Flags* flags) {
 
 void AddFlags(CLI::App* app, Flags* flags) {
   app->get_formatter()->column_width(34);
-  AddSlurmFlags(app, flags);
-  AddFarmFlags(app, flags);
+  AddSlurmFlags(app, &flags->slurm);
+  AddFarmFlags(app, &flags->farm);
   AddLimitFlags(app, flags);
   AddTuningFlags(app, flags);
   app->add_option("--state", flags->state, "File that keeps core-hours and failures over restarts")
@@ -160,32 +172,32 @@ bool IsName(const std::string& text) {
 /// The error of what the parser does not check; empty if there is none.
 std::string Problem(const Flags& flags) {
   if (flags.limits.minimum > flags.limits.maximum) return "--min is larger than --max";
-  return IsName(flags.farm) ? "" : "--farm: 1 to 64 letters, digits, '-', '_' and '.'";
+  return IsName(flags.slurm.farm) ? "" : "--farm: 1 to 64 letters, digits, '-', '_' and '.'";
 }
 
 std::unique_ptr<autoscale::Engine> MakeEngine(const Flags& flags) {
-  autoscale::SlurmOptions options{.farm = flags.farm,
-                                  .script = flags.script,
-                                  .sbatch_arguments = flags.sbatch_arguments,
-                                  .script_arguments = flags.worker_arguments,
-                                  .timeout = absl::Seconds(flags.call_seconds)};
-  if (!flags.tags.empty()) {
+  autoscale::SlurmOptions options{.farm = flags.slurm.farm,
+                                  .script = flags.slurm.script,
+                                  .sbatch_arguments = flags.slurm.sbatch_arguments,
+                                  .script_arguments = flags.slurm.worker_arguments,
+                                  .timeout = absl::Seconds(flags.slurm.call_seconds)};
+  if (!flags.farm.tags.empty()) {
     options.script_arguments.push_back("--tags");
-    options.script_arguments.push_back(absl::StrJoin(flags.tags, ","));
+    options.script_arguments.push_back(absl::StrJoin(flags.farm.tags, ","));
   }
   return autoscale::MakeSlurmEngine(std::move(options));
 }
 
 autoscale::AutoscalerOptions OptionsOf(const Flags& flags) {
   autoscale::AutoscalerOptions options{
-      .limits = flags.limits, .tuning = flags.tuning, .dry_run = flags.dry_run};
+      .limits = flags.limits, .tuning = flags.tuning.counts, .dry_run = flags.dry_run};
   if (flags.budget_days > 0) options.limits.budget_period = absl::Hours(24 * flags.budget_days);
-  options.tuning.finish_within = absl::Seconds(flags.finish_seconds);
-  options.tuning.idle = absl::Seconds(flags.idle_seconds);
-  options.tuning.pauses.first = absl::Seconds(flags.first_pause_seconds);
-  options.tuning.pauses.longest = absl::Seconds(flags.longest_pause_seconds);
-  options.tuning.start_time = absl::Seconds(flags.start_seconds);
-  options.tuning.join_within = absl::Seconds(flags.join_seconds);
+  options.tuning.finish_within = absl::Seconds(flags.tuning.finish_seconds);
+  options.tuning.idle = absl::Seconds(flags.tuning.idle_seconds);
+  options.tuning.pauses.first = absl::Seconds(flags.tuning.first_pause_seconds);
+  options.tuning.pauses.longest = absl::Seconds(flags.tuning.longest_pause_seconds);
+  options.tuning.start_time = absl::Seconds(flags.tuning.start_seconds);
+  options.tuning.join_within = absl::Seconds(flags.tuning.join_seconds);
   options.now = lumifold::identity::ValidityClock;
   return options;
 }
@@ -230,12 +242,12 @@ int Run(const Flags& flags) {
   client::CatchInterrupts();
   client::Environment environment{.out = std::cout, .err = std::cerr};
   environment.profiles_folder = lumifold::identity::ProfilesFolder();
-  if (const char* server = std::getenv("LUMIFOLD_SERVER")) environment.default_server = server;
+  if (const char* server = std::getenv("LUMIFOLD_SERVER")) environment.defaults.server = server;
   environment.interrupted = client::Interrupted;
   client::RemoteOptions remote(environment);
-  if (!flags.server.empty()) remote.server = flags.server;
-  remote.profile = flags.profile;
-  remote.security.insecure = flags.insecure;
+  if (!flags.farm.server.empty()) remote.server = flags.farm.server;
+  remote.profile = flags.farm.profile;
+  remote.security.insecure = flags.farm.insecure;
   if (absl::Status status = remote.Resolve(); !status.ok()) return Fail(status);
   absl::StatusOr<autoscale::StateFile> state = autoscale::StateFile::Open(flags.state);
   if (!state.ok()) return Fail(client::OfThisMachine(state.status()));
@@ -247,7 +259,7 @@ int Run(const Flags& flags) {
   autoscale::AutoscalerOptions options = OptionsOf(flags);
   options.read_farm = [&]() -> absl::StatusOr<autoscale::FarmState> {
     if (absl::Status status = remote.Resolve(); !status.ok()) return status;
-    return autoscale::ReadFarm(*remote.Connect(environment), flags.tags);
+    return autoscale::ReadFarm(*remote.Connect(environment), flags.farm.tags);
   };
   options.keep = [&](const autoscale::History& now) { return state->Write(now); };
   options.log = log;

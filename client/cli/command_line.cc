@@ -441,15 +441,16 @@ absl::StatusOr<std::vector<std::string>> CommandLine::Complete(const std::vector
     absl::StatusOr<OptionFile> read = ReadOptionFile(path, OptionFileKind::kJob);
     if (!read.ok()) return read.status();
     job = *std::move(read);
-    if (absl::Status status = CheckNames(job.path, job.options, environment.known_options); !status.ok())
+    if (absl::Status status = CheckNames(job.path, job.options, environment.configuration.known_options);
+        !status.ok())
       return status;
     sources.push_back({&job.path, &job.options});
   }
   const FileOptions variables = {{kServer, {}, 0}};
-  if (!environment.default_server.empty()) sources.push_back({&job.path, &variables});
-  if (const OptionFile* const configuration = environment.configuration; configuration != nullptr) {
+  if (!environment.defaults.server.empty()) sources.push_back({&job.path, &variables});
+  if (const OptionFile* const configuration = environment.configuration.file; configuration != nullptr) {
     std::string profile = parser_->ValueGiven(kProfileOption, arguments);
-    if (profile.empty()) profile = environment.default_profile;
+    if (profile.empty()) profile = environment.defaults.profile;
     for (const FileOption& option : configuration->options) {
       if (profile.empty() && option.name == kProfileOption + 2) profile = option.values.front();
     }

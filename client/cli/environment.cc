@@ -19,7 +19,8 @@ void ReportLine(const Environment& environment, absl::string_view text) {
 }
 
 ExitCode ReportError(const Environment& environment, const absl::Status& status) {
-  Print(environment, Coloured(environment.err_has_colours, Colour::kRed, "lumifold:"), status.message());
+  Print(environment, Coloured(environment.terminal.err_has_colours, Colour::kRed, "lumifold:"),
+        status.message());
   return ExitCodeFor(status);
 }
 

@@ -20,47 +20,66 @@ inline constexpr char kDefaultServer[] = "127.0.0.1:7700";
 struct CommandHelp;
 struct OptionFile;
 
-/// The outside world of a command, besides its arguments and the files they name. Tests replace it.
-struct Environment {
-  /// Output for programs.
-  std::ostream& out;
-  /// Messages for the user.
-  std::ostream& err;
+/// What the user looks at.
+struct Terminal {
   /// Whether `err` is a terminal whose last line can be rewritten, and its width.
   bool err_is_terminal = false;
-  int terminal_columns = 80;
+  int columns = 80;
   /// Whether `out` and `err` are terminals that show colours.
   bool out_has_colours = false;
   bool err_has_colours = false;
-  /// HOST:PORT, or a list of them, if --server is not given; empty: that of the default profile, else
-  /// kDefaultServer.
-  std::string default_server = {};
-  /// The user's configuration; null: there is none.
-  const OptionFile* configuration = nullptr;
+};
+
+/// Values of options that are not given.
+struct OptionDefaults {
+  /// Of --server: HOST:PORT, or a list of them; empty: that of the default profile, else kDefaultServer.
+  std::string server;
+  /// Of --profile; empty: none.
+  std::string profile;
+  /// Of --user, whose jobs `submit` submits; empty: anonymous.
+  std::string user;
+  /// Of --threads, of a local farm.
+  int threads = 1;
+};
+
+/// The user's file of options.
+struct Configuration {
+  /// Empty, or a file that is not there: there is none.
+  std::string path;
+  /// What is in it; null: there is none.
+  const OptionFile* file = nullptr;
   /// Names of all options and arguments of all commands, as in files; empty: those of files are not checked.
-  std::vector<std::string> known_options = {};
-  /// The profile if --profile is not given; empty: none.
-  std::string default_profile = {};
-  /// Path of the configuration; empty, or a file that is not there: there is none.
-  std::string configuration_path = {};
-  /// Folder of the user's profiles (identity::ProfilesFolder); empty: there are none.
-  std::string profiles_folder = {};
-  /// What the user types or pipes in, for secrets; null: nothing.
-  std::istream* in = nullptr;
-  /// Whose jobs `submit` submits if --user is not given; empty: anonymous.
-  std::string default_user = {};
-  /// Sent with every call of the command, see rpc::ContinueTrace; empty: none.
-  std::string trace_parent = {};
-  /// Threads of a local farm if --threads is not given.
-  int default_threads = 1;
+  std::vector<std::string> known_options;
+};
+
+/// What of coordinator, worker and filter the build has within the program.
+struct LocalParts {
   /// Null in a build without coordinator and worker; `render` then fails.
-  LocalFarmFactory local_farm = nullptr;
+  LocalFarmFactory farm = nullptr;
   /// Null in a build without a worker; `plan` then fails.
   ScenePlanner scene_planner = nullptr;
   /// Null in a build without the filter; `filter` then fails.
   FilmFilter film_filter = nullptr;
   /// Empty in a build without the filter.
   MethodTexts methods = {};
+};
+
+/// The outside world of a command, besides its arguments and the files they name. Tests replace it.
+struct Environment {
+  /// Output for programs.
+  std::ostream& out;
+  /// Messages for the user.
+  std::ostream& err;
+  Terminal terminal = {};
+  OptionDefaults defaults = {};
+  Configuration configuration = {};
+  /// Folder of the user's profiles (identity::ProfilesFolder); empty: there are none.
+  std::string profiles_folder = {};
+  /// What the user types or pipes in, for secrets; null: nothing.
+  std::istream* in = nullptr;
+  /// Sent with every call of the command, see rpc::ContinueTrace; empty: none.
+  std::string trace_parent = {};
+  LocalParts local = {};
   /// True after the user interrupted the program (Ctrl-C); called several times a second.
   std::function<bool()> interrupted = [] { return false; };
   /// Where a command describes itself instead of running; null: it runs.

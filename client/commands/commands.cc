@@ -63,11 +63,11 @@ std::vector<CommandHelp> DescribeCommands(const Environment& environment) {
 
 absl::StatusOr<OptionFile> ReadConfiguration(const Environment& environment) {
   absl::StatusOr<OptionFile> file =
-      ReadOptionFile(environment.configuration_path, OptionFileKind::kConfiguration);
+      ReadOptionFile(environment.configuration.path, OptionFileKind::kConfiguration);
   if (!file.ok()) return file;
-  absl::Status known = CheckNames(file->path, file->options, environment.known_options);
+  absl::Status known = CheckNames(file->path, file->options, environment.configuration.known_options);
   for (const auto& [name, options] : file->profiles)
-    known.Update(CheckNames(file->path, options, environment.known_options));
+    known.Update(CheckNames(file->path, options, environment.configuration.known_options));
   if (!known.ok()) return known;
   return file;
 }

@@ -25,7 +25,7 @@ const std::vector<Command>& Commands();
 /// The help of all of them, as they describe themselves.
 std::vector<CommandHelp> DescribeCommands(const Environment& environment);
 
-/// The user's configuration, environment.configuration_path, with names that are among the known ones.
+/// The user's configuration, environment.configuration.path, with names that are among the known ones.
 /// Errors: those of ReadOptionFile and CheckNames.
 absl::StatusOr<OptionFile> ReadConfiguration(const Environment& environment);
 

@@ -88,10 +88,10 @@ absl::StatusOr<std::string> VersionOf(const std::string& name) {
 Finding AboutConfiguration(const Environment& environment) {
   constexpr char kSubject[] = "configuration";
   std::error_code ignored;
-  if (!fs::exists(environment.configuration_path, ignored))
-    return {Finding::Level::kOk, kSubject, absl::StrCat("there is no ", environment.configuration_path)};
+  if (!fs::exists(environment.configuration.path, ignored))
+    return {Finding::Level::kOk, kSubject, absl::StrCat("there is no ", environment.configuration.path)};
   const absl::StatusOr<OptionFile> file = ReadConfiguration(environment);
-  if (file.ok()) return {Finding::Level::kOk, kSubject, environment.configuration_path};
+  if (file.ok()) return {Finding::Level::kOk, kSubject, environment.configuration.path};
   return {Finding::Level::kWrong, kSubject, std::string(file.status().message()),
           "correct or remove that line"};
 }
@@ -157,7 +157,7 @@ class Doctor {
   void Report(const Finding& finding) {
     is_wrong_ = is_wrong_ || finding.level == Finding::Level::kWrong;
     environment_.out << (remote_.json ? FindingJson(finding) + "\n"
-                                      : FindingText(finding, environment_.out_has_colours))
+                                      : FindingText(finding, environment_.terminal.out_has_colours))
                      << std::flush;
   }
   void ReportAll(const Findings& findings) {

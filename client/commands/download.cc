@@ -28,7 +28,7 @@ ExitCode RunDownload(const std::vector<std::string>& arguments, const Environmen
   std::string job_id;
   Frames frames;
   PictureOptions picture;
-  picture.threads = environment.default_threads;
+  picture.threads = environment.defaults.threads;
   RemoteOptions remote(environment);
   CommandLine command_line("download", SummaryOf("download"));
   command_line.AddArgument("JOB", &job_id, "The job's id, as submit printed it");

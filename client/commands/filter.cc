@@ -50,13 +50,14 @@ ExitCode ListMethods(const std::vector<std::string>& arguments, const Environmen
   CommandLine command_line("filter", SummaryOf("filter"));
   AddListOptions(&command_line, &options);
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
-  environment.out << (options.json ? environment.methods.json : environment.methods.table) << std::flush;
+  environment.out << (options.json ? environment.local.methods.json : environment.local.methods.table)
+                  << std::flush;
   return ExitCode::kOk;
 }
 
 std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, const Environment& environment,
                                     FilterOptions* options) {
-  options->threads = environment.default_threads;
+  options->threads = environment.defaults.threads;
   CommandLine command_line("filter", SummaryOf("filter"));
   command_line.AddArgument("PICTURE", &options->picture,
                            "The OpenEXR picture: a film of --save-film, any of our pictures, or another "
@@ -79,7 +80,7 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
       "Light of\n"
       "other layers is filtered as the remainder.\n\n"
       "Methods:\n  ",
-      environment.methods.names,
+      environment.local.methods.names,
       ".\nParameters of a method follow its name, as in --method bilateral:sigma_s=4,sigma_r=0.1."));
   if (const auto ended = command_line.Parse(arguments, environment)) return ended;
   const absl::StatusOr<PictureFormat> format = PictureFormatOf(options->output);
@@ -164,7 +165,7 @@ absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmSource* film
     return status;
   };
   const absl::Time start = rpc::MonotonicNow();
-  const absl::Status filtered = environment.film_filter(
+  const absl::Status filtered = environment.local.film_filter(
       &timed, options.method, options.threads, Output::PassedOn(*PictureFormatOf(options.output)), write);
   if (!filtered.ok()) return filtered;
   const double seconds = absl::ToDoubleSeconds(rpc::MonotonicNow() - start - io.spent());
@@ -185,7 +186,7 @@ ExitCode RunFilter(const std::vector<std::string>& arguments, const Environment&
     return ListMethods(arguments, environment);
   FilterOptions options;
   if (const auto ended = ParseFilter(arguments, environment, &options)) return *ended;
-  if (!environment.film_filter)
+  if (!environment.local.film_filter)
     return ReportError(environment, absl::UnimplementedError("this build has no filter"));
   KeepFreedMemory();
   SetExrThreads(options.threads);

@@ -26,8 +26,8 @@ ExitCode RunLogin(const std::vector<std::string>& arguments, const Environment& 
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 
   identity::ProtectMemory();
-  const absl::StatusOr<std::string> text =
-      identity::ReadCode(code, environment.in, environment.err_is_terminal ? &environment.err : nullptr);
+  const absl::StatusOr<std::string> text = identity::ReadCode(
+      code, environment.in, environment.terminal.err_is_terminal ? &environment.err : nullptr);
   if (!text.ok()) return ReportError(environment, text.status());
   const absl::StatusOr<v1::LoginResponse> login =
       identity::Login(identity::Profiles(environment.profiles_folder), profile, server, *text,

@@ -30,13 +30,13 @@ std::optional<ExitCode> ParsePlan(const std::vector<std::string>& arguments, con
 ExitCode RunPlan(const std::vector<std::string>& arguments, const Environment& environment) {
   PlanOptions options;
   if (const auto ended = ParsePlan(arguments, environment, &options)) return *ended;
-  if (!environment.scene_planner)
+  if (!environment.local.scene_planner)
     return ReportError(environment, absl::UnimplementedError("this build has no worker, which plans"));
   const absl::StatusOr<SceneAssets> assets = FindJobAssets(options.job);
   if (!assets.ok()) return ReportError(environment, assets.status());
   v1::JobSpec spec = MakeJobSpec(options.job);
   *spec.mutable_scene() = MakeSceneRef(*assets);
-  const absl::StatusOr<v1::Plan> plan = environment.scene_planner(spec, *assets);
+  const absl::StatusOr<v1::Plan> plan = environment.local.scene_planner(spec, *assets);
   if (!plan.ok()) return ReportError(environment, plan.status());
   environment.out << (options.json ? PlanJson(*plan) + "\n" : PlanTable(*plan)) << std::flush;
   return ExitCode::kOk;

@@ -34,8 +34,8 @@ struct RenderOptions {
 
 std::optional<ExitCode> ParseRender(const std::vector<std::string>& arguments, const Environment& environment,
                                     RenderOptions* options) {
-  options->farm.threads = environment.default_threads;
-  options->picture.threads = environment.default_threads;
+  options->farm.threads = environment.defaults.threads;
+  options->picture.threads = environment.defaults.threads;
   CommandLine command_line("render", SummaryOf("render"));
   AddJobOptions(command_line, &options->job);
   options->picture.AddTo(command_line, "-o,--output", /*is_required=*/true);
@@ -50,7 +50,7 @@ std::optional<ExitCode> ParseRender(const std::vector<std::string>& arguments, c
   if (const auto ended = command_line.Parse(arguments, environment)) return ended;
   if (const auto ended = CheckJobOptions(options->job, "lumifold render", environment)) return ended;
   if (const auto ended = CheckPreview(options->preview, "lumifold render", environment)) return ended;
-  return options->picture.Check(options->job.frames, "lumifold render", environment);
+  return options->picture.Check(options->job.view.frames, "lumifold render", environment);
 }
 
 // Submits the job and follows it to its end; cancels it if the user interrupts. `viewer` is for the preview.
@@ -65,7 +65,7 @@ absl::StatusOr<v1::JobStatus> RunJob(FarmClient& farm, std::unique_ptr<FarmClien
   if (!job_id.ok()) return job_id.status();
   const std::unique_ptr<PreviewFile> preview =
       StartPreview(std::move(viewer), {.job_id = *job_id,
-                                       .frame = options.job.frames.first(),
+                                       .frame = options.job.view.frames.first(),
                                        .path = options.preview,
                                        .display = options.picture.display});
   absl::StatusOr<v1::JobStatus> job =
@@ -92,7 +92,7 @@ absl::Status WritePicture(FarmClient& farm, const PictureOptions& picture, const
 
 absl::Status WritePictures(FarmClient& farm, const RenderOptions& options, const v1::JobStatus& job,
                            Progress& progress, const Environment& environment) {
-  for (const FrameRange& range : options.job.frames.ranges) {
+  for (const FrameRange& range : options.job.view.frames.ranges) {
     for (int frame = range.first; frame <= range.last; ++frame) {
       absl::Status written = WritePicture(farm, options.picture, job, frame, progress, environment);
       if (!written.ok()) return written;
@@ -103,7 +103,7 @@ absl::Status WritePictures(FarmClient& farm, const RenderOptions& options, const
 
 void ReportRendered(const RenderOptions& options, const v1::JobStatus& job, const Environment& environment) {
   const PictureOptions& picture = options.picture;
-  const Frames& frames = options.job.frames;
+  const Frames& frames = options.job.view.frames;
   if (options.json) {
     const auto name = [&](const std::string& path) {
       return frames.IsOne() ? PathOfOutput(path, job, frames.first()) : path;
@@ -126,11 +126,11 @@ ExitCode RunRender(const std::vector<std::string>& arguments, const Environment&
   const absl::StatusOr<SceneAssets> assets = FindJobAssets(options.job);
   if (!assets.ok()) return ReportError(environment, assets.status());
 
-  if (!environment.local_farm) {
+  if (!environment.local.farm) {
     return ReportError(environment,
                        absl::UnimplementedError("this build has no coordinator and worker; use submit"));
   }
-  const absl::StatusOr<std::unique_ptr<LocalFarm>> local = environment.local_farm(options.farm);
+  const absl::StatusOr<std::unique_ptr<LocalFarm>> local = environment.local.farm(options.farm);
   if (!local.ok()) return ReportError(environment, OfThisMachine(local.status()));
   const auto connect = [&] {
     return MakeFarmClient((*local)->channel(), {.coordinators = {"this process"},
@@ -148,7 +148,7 @@ ExitCode RunRender(const std::vector<std::string>& arguments, const Environment&
   const absl::Status written = WritePictures(*farm, options, *job, *progress, environment);
   if (!written.ok()) return ReportError(environment, written);
   ReportRendered(options, *job, environment);
-  const std::string output = options.picture.OutputOf(*job, options.job.frames.first());
+  const std::string output = options.picture.OutputOf(*job, options.job.view.frames.first());
   return RunHook(options.hook, *job, output, ExitCode::kOk, environment);
 }
 

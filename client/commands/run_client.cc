@@ -51,14 +51,14 @@ std::vector<std::string> OptionNames(const Environment& environment) {
 }
 
 ExitCode Run(const Command& command, const std::vector<std::string>& arguments, Environment environment) {
-  environment.known_options = OptionNames(environment);
+  environment.configuration.known_options = OptionNames(environment);
   std::error_code ignored;
   OptionFile configuration;
-  if (std::filesystem::exists(environment.configuration_path, ignored)) {
+  if (std::filesystem::exists(environment.configuration.path, ignored)) {
     absl::StatusOr<OptionFile> read = ReadConfiguration(environment);
     if (read.ok()) {
       configuration = *std::move(read);
-      environment.configuration = &configuration;
+      environment.configuration.file = &configuration;
     } else if (!command.is_without_configuration) {
       ReportError(environment, read.status());
       return ExitCode::kUsage;

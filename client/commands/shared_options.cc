@@ -98,10 +98,10 @@ void AddJson(CommandLine& command_line, bool* json) {
 }
 
 std::unique_ptr<Progress> MakeProgressPrinter(const Environment& environment) {
-  return std::make_unique<ProgressPrinter>(environment.err,
-                                           ProgressPrinterOptions{.terminal = environment.err_is_terminal,
-                                                                  .columns = environment.terminal_columns,
-                                                                  .now = environment.time.now});
+  return std::make_unique<ProgressPrinter>(
+      environment.err, ProgressPrinterOptions{.terminal = environment.terminal.err_is_terminal,
+                                              .columns = environment.terminal.columns,
+                                              .now = environment.time.now});
 }
 
 Backoff MakeBackoff(const Environment& environment) {
@@ -145,7 +145,7 @@ ExitCode ReportOutcome(const Environment& environment, const v1::JobStatus& job)
   const Colour colour = job.state() == v1::JOB_STATE_DONE     ? Colour::kGreen
                         : job.state() == v1::JOB_STATE_FAILED ? Colour::kRed
                                                               : Colour::kYellow;
-  const std::string state = Coloured(environment.err_has_colours, colour, StateName(job.state()));
+  const std::string state = Coloured(environment.terminal.err_has_colours, colour, StateName(job.state()));
   std::string line = absl::StrCat("job ", job.job_id(), " ", state);
   if (!job.error().empty()) absl::StrAppend(&line, ": ", job.error());
   if (job.state() == v1::JOB_STATE_DONE) absl::StrAppend(&line, ": ", StageTimesText(job.times()));

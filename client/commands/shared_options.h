@@ -20,10 +20,10 @@ namespace lumifold::client {
 /// Options of every command that connects to a coordinator.
 struct RemoteOptions {
   explicit RemoteOptions(const Environment& environment)
-      : server(environment.default_server),
-        profile(environment.default_profile),
+      : server(environment.defaults.server),
+        profile(environment.defaults.profile),
         profiles(environment.profiles_folder),
-        configuration_(environment.configuration) {}
+        configuration_(environment.configuration.file) {}
 
   /// The options alone: Resolve must be called after command_line.Parse.
   void AddOptions(CommandLine& command_line);

@@ -23,7 +23,7 @@ constexpr char kCommand[] = "lumifold submit";
 
 struct SubmitOptions {
   explicit SubmitOptions(const Environment& environment) : scheduling(environment), remote(environment) {
-    picture.threads = environment.default_threads;
+    picture.threads = environment.defaults.threads;
   }
 
   JobOptions job;
@@ -57,7 +57,7 @@ std::optional<ExitCode> ParseSubmit(const std::vector<std::string>& arguments, c
   if (const auto ended = CheckJobOptions(options->job, kCommand, environment)) return ended;
   if (const auto ended = CheckPreview(options->preview, kCommand, environment)) return ended;
   if (options->picture.output.empty() && options->picture.noisy.empty()) return std::nullopt;
-  return options->picture.Check(options->job.frames, kCommand, environment);
+  return options->picture.Check(options->job.view.frames, kCommand, environment);
 }
 
 absl::StatusOr<std::string> Submit(const SubmitOptions& options, FarmClient& farm, Progress& progress,
@@ -72,7 +72,7 @@ absl::StatusOr<std::string> Submit(const SubmitOptions& options, FarmClient& far
 
 ExitCode Follow(const SubmitOptions& options, const std::string& job_id, FarmClient& farm, Progress& progress,
                 const Environment& environment) {
-  const int first = options.job.frames.first();
+  const int first = options.job.view.frames.first();
   const std::unique_ptr<PreviewFile> preview = StartPreview(
       options.remote.Connect(environment),
       {.job_id = job_id, .frame = first, .path = options.preview, .display = options.picture.display});
@@ -83,12 +83,13 @@ ExitCode Follow(const SubmitOptions& options, const std::string& job_id, FarmCli
   absl::Status written = preview == nullptr ? absl::OkStatus() : preview->Stop();
   const bool downloads = job->state() == v1::JOB_STATE_DONE && !options.picture.output.empty();
   if (written.ok() && downloads)
-    written = options.picture.FetchAll(farm, *job, options.job.frames, progress, MakeBackoff(environment));
+    written =
+        options.picture.FetchAll(farm, *job, options.job.view.frames, progress, MakeBackoff(environment));
   if (!written.ok()) outcome = ReportError(environment, written);
   const std::string output = downloads ? options.picture.OutputOf(*job, first) : "";
   if (downloads && written.ok())
     ReportLine(environment,
-               absl::StrCat("wrote ", FilesOf(options.picture.output, *job, options.job.frames)));
+               absl::StrCat("wrote ", FilesOf(options.picture.output, *job, options.job.view.frames)));
   if (options.remote.json) environment.out << JobJson(*job) << "\n" << std::flush;
   return RunHook(options.hook, *job, output, outcome, environment);
 }

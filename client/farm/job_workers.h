@@ -13,8 +13,8 @@
 
 namespace lumifold::client {
 
-/// A line for each worker that renders a job, by name: "vm:4711  2 of 2 units, 0.29 s a unit, 120 done". At most
-/// kMaxWorkerLines, and one that counts the others.
+/// A line for each worker that renders a job, by name: "vm:4711  2 of 2 units, 0.29 s a unit, 120 done". At
+/// most kMaxWorkerLines, and one that counts the others.
 std::vector<std::string> WorkerLines(const std::string& job_id, const std::vector<v1::WorkerStatus>& workers);
 inline constexpr int kMaxWorkerLines = 8;
 

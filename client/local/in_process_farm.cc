@@ -77,13 +77,13 @@ class InProcessFarm final : public client::LocalFarm {
 absl::StatusOr<std::unique_ptr<client::LocalFarm>> StartLocalFarm(const client::LocalFarmOptions& options) {
   std::unique_ptr<TemporaryFolder> folder;
   server::ServerOptions server_options;
-  server_options.data_dir = options.state_dir;
-  server_options.filter_threads = options.threads;
+  server_options.data.folder = options.state_dir;
+  server_options.filter.threads = options.threads;
   if (options.state_dir.empty()) {
     absl::StatusOr<std::unique_ptr<TemporaryFolder>> made = TemporaryFolder::Make();
     if (!made.ok()) return made.status();
     folder = *std::move(made);
-    server_options.data_dir = folder->path();
+    server_options.data.folder = folder->path();
   }
   absl::StatusOr<std::unique_ptr<server::Server>> server = server::Server::Start(std::move(server_options));
   if (!server.ok()) return server.status();

@@ -47,7 +47,7 @@ std::vector<std::string> FilterNames() {
   return names;
 }
 
-v1::PixelFilter PixelFilterOf(const JobOptions& options) {
+v1::PixelFilter PixelFilterOf(const ViewOptions& options) {
   const auto* const choice =
       std::find_if(kPixelFilters.begin(), kPixelFilters.end(),
                    [&](const PixelFilterChoice& c) { return options.pixel_filter == c.name; });
@@ -63,7 +63,7 @@ bool IsPixel(const v1::PixelFilter& filter) {
 }
 
 /// The picture is the region.
-void SetRegion(const JobOptions& options, v1::JobSpec* spec) {
+void SetRegion(const ViewOptions& options, v1::JobSpec* spec) {
   if (!options.region.has_value()) return;
   spec->set_width(options.region->width());
   spec->set_height(options.region->height());
@@ -77,44 +77,32 @@ void SetRegion(const JobOptions& options, v1::JobSpec* spec) {
 /// What --target-error, --time and --schedule ask for; nothing without them.
 absl::StatusOr<v1::AdaptiveSampling> AdaptiveOf(const JobOptions& options) {
   v1::AdaptiveSampling adaptive;
-  adaptive.set_target_error(options.target_error);
-  adaptive.set_metric(options.target_metric == kRelMse ? v1::ERROR_METRIC_REL_MSE : v1::ERROR_METRIC_MSE255);
-  if (!options.time.empty()) {
+  adaptive.set_target_error(options.sampling.target_error);
+  adaptive.set_metric(options.sampling.target_metric == kRelMse ? v1::ERROR_METRIC_REL_MSE
+                                                                : v1::ERROR_METRIC_MSE255);
+  if (!options.sampling.time.empty()) {
     absl::Duration time;
-    if (!absl::ParseDuration(options.time, &time) || time <= absl::ZeroDuration() ||
+    if (!absl::ParseDuration(options.sampling.time, &time) || time <= absl::ZeroDuration() ||
         time == absl::InfiniteDuration())
-      return absl::InvalidArgumentError(
-          absl::StrCat("--time: expected a duration such as 90s, 10m or 1h30m; got '", options.time, "'"));
+      return absl::InvalidArgumentError(absl::StrCat(
+          "--time: expected a duration such as 90s, 10m or 1h30m; got '", options.sampling.time, "'"));
     adaptive.set_time_seconds(absl::ToDoubleSeconds(time));
   }
-  for (const absl::string_view text : absl::StrSplit(options.schedule, ',', absl::SkipEmpty())) {
+  for (const absl::string_view text : absl::StrSplit(options.sampling.schedule, ',', absl::SkipEmpty())) {
     double budget = 0;
     if (!absl::SimpleAtod(text, &budget) || !(budget >= 1 && budget <= kMaxSamples))
       return absl::InvalidArgumentError(
           absl::StrCat("--schedule: expected samples per pixel of 1 to ", kMaxSamples, "; got '", text, "'"));
     adaptive.add_schedule(budget);
   }
-  if (!options.time.empty() && !options.schedule.empty())
+  if (!options.sampling.time.empty() && !options.sampling.schedule.empty())
     return absl::InvalidArgumentError("--time and --schedule take each other's place");
-  if (!options.schedule.empty() && !options.frames.IsOne())
+  if (!options.sampling.schedule.empty() && !options.view.frames.IsOne())
     return absl::InvalidArgumentError("--schedule is of one frame: submit each frame as a job of its own");
   return adaptive;
 }
 
-}  // namespace
-
-void AddJobOptions(CommandLine& command_line, JobOptions* options) {
-  command_line.AddArgument("SCENE", &options->scene, "The scene: a glTF 2.0 file, .gltf or .glb");
-  command_line.AddText("--job", "FILE", &options->job_file,
-                       "Options from a file of YAML or JSON, such as 'spp: 64'; those given here count more");
-  command_line.AddSize("--size", &options->size, "Picture size in pixels (default 1024x768)");
-  command_line.AddRect("--region", &options->region,
-                       "Render only these pixels of the frame, from X0,Y0 to before X1,Y1");
-  command_line.AddChoice("--pixel-filter", "FILTER", FilterNames(), &options->pixel_filter,
-                         "What a pixel is a mean of: box (default), gaussian or blackman-harris");
-  command_line.AddPositiveNumber(
-      "--pixel-filter-width", &options->pixel_filter_width,
-      "In pixels, at most 8 (default: 1 of a box, 2 of a Gaussian, 1.5 of blackman-harris)");
+void AddSamplingOptions(CommandLine& command_line, SamplingOptions* options) {
   command_line.AddWholeNumber("--spp", &options->samples_per_pixel, 1, kMaxSamples,
                               "Samples per pixel (default 64); with --adaptive their mean, at most "
                               "(default 4096 with --target-error or --time)");
@@ -131,85 +119,103 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
   command_line.AddSeed("--seed", &options->seed, "Seed of the random numbers (default 0)");
   command_line.AddWholeNumber("--max-bounces", &options->max_bounces, 0, kMaxBounces,
                               "Scattering events after the first surface, at most (default 8)");
+}
+
+}  // namespace
+
+void AddJobOptions(CommandLine& command_line, JobOptions* options) {
+  command_line.AddArgument("SCENE", &options->scene, "The scene: a glTF 2.0 file, .gltf or .glb");
+  command_line.AddText("--job", "FILE", &options->job_file,
+                       "Options from a file of YAML or JSON, such as 'spp: 64'; those given here count more");
+  command_line.AddSize("--size", &options->view.size, "Picture size in pixels (default 1024x768)");
+  command_line.AddRect("--region", &options->view.region,
+                       "Render only these pixels of the frame, from X0,Y0 to before X1,Y1");
+  command_line.AddChoice("--pixel-filter", "FILTER", FilterNames(), &options->view.pixel_filter,
+                         "What a pixel is a mean of: box (default), gaussian or blackman-harris");
+  command_line.AddPositiveNumber(
+      "--pixel-filter-width", &options->view.pixel_filter_width,
+      "In pixels, at most 8 (default: 1 of a box, 2 of a Gaussian, 1.5 of blackman-harris)");
+  AddSamplingOptions(command_line, &options->sampling);
   command_line.AddText("--method", "METHOD", &options->method,
                        "Filter: a method of 'lumifold filter --list-methods' (default 'default')");
-  command_line.AddText("--camera", "NAME", &options->camera, "Camera by name (default: the scene's first)");
-  command_line.AddFrames("--frame,--frames", &options->frames,
+  command_line.AddText("--camera", "NAME", &options->view.camera,
+                       "Camera by name (default: the scene's first)");
+  command_line.AddFrames("--frame,--frames", &options->view.frames,
                          "Frames, such as 7, 1-48 or 1-48,60 (default 0)");
-  command_line.AddPositiveNumber("--fps", &options->frames_per_second,
+  command_line.AddPositiveNumber("--fps", &options->view.frames_per_second,
                                  "Frames per second: frame N shows the scene at N/X seconds (default 24)");
-  command_line.AddText("--env", "FILE", &options->environment,
+  command_line.AddText("--env", "FILE", &options->environment.path,
                        "Environment light: a latitude-longitude picture, .exr or .hdr");
   command_line.AddNumber(
-      "--env-rotate", &options->environment_rotate_degrees,
+      "--env-rotate", &options->environment.rotate_degrees,
       "Rotation of it about the vertical in degrees, counter-clockwise from above (default 0)");
-  command_line.AddPositiveNumber("--env-scale", &options->environment_scale,
+  command_line.AddPositiveNumber("--env-scale", &options->environment.scale,
                                  "Factor on its radiance (default 1)");
   command_line.AddPositiveNumber(
-      "--f-stop", &options->f_stop,
+      "--f-stop", &options->lens.f_stop,
       "Depth of field: focal length / aperture diameter (default: pinhole camera)");
-  command_line.AddPositiveNumber("--focus", &options->focus_metres,
+  command_line.AddPositiveNumber("--focus", &options->lens.focus_metres,
                                  "Distance of the plane of focus in metres; with --f-stop");
-  command_line.AddTexts("--allow-dir", "DIR", &options->allowed_folders,
+  command_line.AddTexts("--allow-dir", "DIR", &options->files.allowed_folders,
                         "Folder besides the scene's own whose files the scene may name; repeatable");
-  command_line.AddWholeNumber("--max-file-mb", &options->max_file_mb, 1, kMaxMb,
+  command_line.AddWholeNumber("--max-file-mb", &options->files.max_file_mb, 1, kMaxMb,
                               "Limit of a file of the scene in MiB (default 4096)");
-  command_line.AddWholeNumber("--max-job-mb", &options->max_job_mb, 1, kMaxMb,
+  command_line.AddWholeNumber("--max-job-mb", &options->files.max_job_mb, 1, kMaxMb,
                               "Limit of all files of the job in MiB (default 65536)");
-  command_line.AddFlag("--save-film", &options->save_film,
+  command_line.AddFlag("--save-film", &options->result.save_film,
                        "Write every layer that the filter reads into the result");
-  command_line.AddFlag("--cryptomatte", &options->cryptomatte,
+  command_line.AddFlag("--cryptomatte", &options->result.cryptomatte,
                        "Write Cryptomatte layers of objects and materials into the result");
   command_line.AddText(
-      "--plan", "WHICH", &options->plan,
+      "--plan", "WHICH", &options->planning.mode,
       "'auto': leave out what the scene does not need; 'full': model everything (default auto)");
-  command_line.AddTexts("--force", "NAME=VALUE", &options->forced,
+  command_line.AddTexts("--force", "NAME=VALUE", &options->planning.forced,
                         "Override a decision of the plan; repeatable");
 }
 
 std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::string& command,
                                         const Environment& environment) {
   const auto report = [&](const char* message) { return ReportUsage(environment, command, message); };
-  if (options.target_metric != kMse255 && options.target_metric != kRelMse)
+  if (options.sampling.target_metric != kMse255 && options.sampling.target_metric != kRelMse)
     return report("--target-metric must be mse255 or relmse");
-  if (options.target_metric != kMse255 && options.target_error == 0)
+  if (options.sampling.target_metric != kMse255 && options.sampling.target_error == 0)
     return report("--target-metric requires --target-error");
   if (const absl::Status limits = AdaptiveOf(options).status(); !limits.ok())
     return ReportUsage(environment, command, std::string(limits.message()));
-  if (options.pixel_filter_width > kMaxPixelFilterWidth)
+  if (options.view.pixel_filter_width > kMaxPixelFilterWidth)
     return ReportUsage(environment, command,
                        absl::StrCat("--pixel-filter-width: at most ", kMaxPixelFilterWidth));
-  if (options.region.has_value() &&
-      (options.region->x1 > options.size.width || options.region->y1 > options.size.height))
-    return ReportUsage(
-        environment, command,
-        absl::StrCat("--region: not within the frame of ", options.size.width, "x", options.size.height));
-  if ((options.f_stop > 0) != (options.focus_metres > 0))
-    return report("--f-stop and --focus must be given together");
-  if (options.environment.empty() &&
-      (options.environment_rotate_degrees != 0 || options.environment_scale != 1))
-    return report("--env-rotate and --env-scale require --env");
-  if (options.plan != "auto" && options.plan != "full") {
+  if (options.view.region.has_value() && (options.view.region->x1 > options.view.size.width ||
+                                          options.view.region->y1 > options.view.size.height))
     return ReportUsage(environment, command,
-                       absl::StrCat("--plan: expected 'auto' or 'full'; got '", options.plan, "'"));
+                       absl::StrCat("--region: not within the frame of ", options.view.size.width, "x",
+                                    options.view.size.height));
+  if ((options.lens.f_stop > 0) != (options.lens.focus_metres > 0))
+    return report("--f-stop and --focus must be given together");
+  if (options.environment.path.empty() &&
+      (options.environment.rotate_degrees != 0 || options.environment.scale != 1))
+    return report("--env-rotate and --env-scale require --env");
+  if (options.planning.mode != "auto" && options.planning.mode != "full") {
+    return ReportUsage(environment, command,
+                       absl::StrCat("--plan: expected 'auto' or 'full'; got '", options.planning.mode, "'"));
   }
-  if (const absl::Status forced = decisions::ParseForced(options.forced).status(); !forced.ok())
+  if (const absl::Status forced = decisions::ParseForced(options.planning.forced).status(); !forced.ok())
     return ReportUsage(environment, command, absl::StrCat("--force: ", std::string(forced.message())));
   return std::nullopt;
 }
 
 absl::StatusOr<SceneAssets> FindJobAssets(const JobOptions& options) {
   const SceneFileRules rules = {
-      .allowed_folders = options.allowed_folders,
-      .max_file_bytes = static_cast<uint64_t>(options.max_file_mb) << 20,
-      .max_job_bytes = static_cast<uint64_t>(options.max_job_mb) << 20,
+      .allowed_folders = options.files.allowed_folders,
+      .max_file_bytes = static_cast<uint64_t>(options.files.max_file_mb) << 20,
+      .max_job_bytes = static_cast<uint64_t>(options.files.max_job_mb) << 20,
   };
   absl::StatusOr<SceneAssets> assets = FindSceneAssets(options.scene, rules);
   if (!assets.ok()) return assets;
-  if (!options.environment.empty()) {
+  if (!options.environment.path.empty()) {
     LocalAsset asset;
-    asset.path = options.environment;
-    asset.ref.set_uri(EnvironmentUri(options.environment));
+    asset.path = options.environment.path;
+    asset.ref.set_uri(EnvironmentUri(options.environment.path));
     assets->push_back(std::move(asset));
   }
   if (absl::Status status = HashAssets(rules, &*assets); !status.ok()) return status;
@@ -218,42 +224,43 @@ absl::StatusOr<SceneAssets> FindJobAssets(const JobOptions& options) {
 
 v1::JobSpec MakeJobSpec(const JobOptions& options) {
   v1::JobSpec spec;
-  spec.set_camera(options.camera);
-  spec.set_width(options.size.width);
-  spec.set_height(options.size.height);
-  SetRegion(options, &spec);
-  if (const v1::PixelFilter filter = PixelFilterOf(options); !IsPixel(filter))
+  spec.set_camera(options.view.camera);
+  spec.set_width(options.view.size.width);
+  spec.set_height(options.view.size.height);
+  SetRegion(options.view, &spec);
+  if (const v1::PixelFilter filter = PixelFilterOf(options.view); !IsPixel(filter))
     *spec.mutable_pixel_filter() = filter;
-  spec.set_first_frame(options.frames.first());
-  spec.set_frame_count(options.frames.ranges.front().count());
-  for (size_t i = 1; i < options.frames.ranges.size(); ++i) {
+  spec.set_first_frame(options.view.frames.first());
+  spec.set_frame_count(options.view.frames.ranges.front().count());
+  for (size_t i = 1; i < options.view.frames.ranges.size(); ++i) {
     v1::FrameRange* range = spec.add_more_frames();
-    range->set_first(options.frames.ranges[i].first);
-    range->set_count(options.frames.ranges[i].count());
+    range->set_first(options.view.frames.ranges[i].first);
+    range->set_count(options.view.frames.ranges[i].count());
   }
-  spec.set_frames_per_second(options.frames_per_second);
+  spec.set_frames_per_second(options.view.frames_per_second);
   const v1::AdaptiveSampling adaptive = AdaptiveOf(options).value();
   const bool has_limit =
       adaptive.target_error() > 0 || adaptive.time_seconds() > 0 || !adaptive.schedule().empty();
-  if (options.adaptive || has_limit) *spec.mutable_adaptive() = adaptive;
-  spec.set_samples_per_pixel(options.samples_per_pixel > 0 ? options.samples_per_pixel
-                             : has_limit                   ? kMostSamplesByDefault
-                                                           : kDefaultSamples);
-  spec.set_seed(options.seed);
-  spec.set_max_bounces(options.max_bounces);
+  if (options.sampling.adaptive || has_limit) *spec.mutable_adaptive() = adaptive;
+  spec.set_samples_per_pixel(options.sampling.samples_per_pixel > 0 ? options.sampling.samples_per_pixel
+                             : has_limit                            ? kMostSamplesByDefault
+                                                                    : kDefaultSamples);
+  spec.set_seed(options.sampling.seed);
+  spec.set_max_bounces(options.sampling.max_bounces);
   spec.mutable_filter()->set_method(options.method);
-  spec.set_save_film(options.save_film);
-  spec.set_cryptomatte(options.cryptomatte);
-  spec.mutable_planning()->set_mode(options.plan == "full" ? v1::PLAN_MODE_FULL : v1::PLAN_MODE_AUTO);
-  for (const std::string& forced : options.forced) spec.mutable_planning()->add_forced(forced);
-  if (!options.environment.empty()) {
-    spec.mutable_environment()->set_uri(EnvironmentUri(options.environment));
-    spec.mutable_environment()->set_rotate_degrees(options.environment_rotate_degrees);
-    spec.mutable_environment()->set_scale(options.environment_scale);
+  spec.set_save_film(options.result.save_film);
+  spec.set_cryptomatte(options.result.cryptomatte);
+  spec.mutable_planning()->set_mode(options.planning.mode == "full" ? v1::PLAN_MODE_FULL
+                                                                    : v1::PLAN_MODE_AUTO);
+  for (const std::string& forced : options.planning.forced) spec.mutable_planning()->add_forced(forced);
+  if (!options.environment.path.empty()) {
+    spec.mutable_environment()->set_uri(EnvironmentUri(options.environment.path));
+    spec.mutable_environment()->set_rotate_degrees(options.environment.rotate_degrees);
+    spec.mutable_environment()->set_scale(options.environment.scale);
   }
-  if (options.f_stop > 0) {
-    spec.mutable_lens()->set_f_stop(options.f_stop);
-    spec.mutable_lens()->set_focus_metres(options.focus_metres);
+  if (options.lens.f_stop > 0) {
+    spec.mutable_lens()->set_f_stop(options.lens.f_stop);
+    spec.mutable_lens()->set_focus_metres(options.lens.focus_metres);
   }
   return spec;
 }

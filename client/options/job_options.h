@@ -23,15 +23,19 @@ inline constexpr int kMaxSamples = 1 << 20;
 /// With --target-error or --time, but without --spp.
 inline constexpr int kMostSamplesByDefault = 4096;
 
-/// Options of `render`, `submit` and `plan`: all parameters that determine the picture.
-struct JobOptions {
-  std::string scene;
-  std::string job_file;  // read by CommandLine::Parse
+/// What of the scene the pictures show.
+struct ViewOptions {
   PictureSize size;
   std::optional<Rect> region;        // nothing: the whole frame
   std::string pixel_filter = "box";  // kPixelFilters
   float pixel_filter_width = 0;      // 0: the filter's own
-  int samples_per_pixel = 0;         // 0: 64, or with an error or a time kMostSamplesByDefault
+  std::string camera;
+  Frames frames;
+  float frames_per_second = 24;
+};
+
+struct SamplingOptions {
+  int samples_per_pixel = 0;  // 0: 64, or with an error or a time kMostSamplesByDefault
   bool adaptive = false;
   float target_error = 0;  // 0: none
   std::string target_metric = "mse255";
@@ -39,22 +43,49 @@ struct JobOptions {
   std::string schedule;  // "32,64.5"; empty: none
   uint64_t seed = 0;
   int max_bounces = 8;
-  std::string method = "default";
-  std::string camera;
-  Frames frames;
-  float frames_per_second = 24;
-  bool save_film = false;
-  bool cryptomatte = false;
+};
+
+struct EnvironmentMapOptions {
+  std::string path;  // empty: none
+  float rotate_degrees = 0;
+  float scale = 1;
+};
+
+struct LensOptions {
+  float f_stop = 0;  // 0: pinhole camera
+  float focus_metres = 0;
+};
+
+/// See SceneFileRules.
+struct SceneFileOptions {
   std::vector<std::string> allowed_folders;
   int max_file_mb = 4096;
   int max_job_mb = 65536;
-  std::string environment;  // path of the environment map; empty: none
-  float environment_rotate_degrees = 0;
-  float environment_scale = 1;
-  float f_stop = 0;  // 0: pinhole camera
-  float focus_metres = 0;
-  std::string plan = "auto";        // or "full"
-  std::vector<std::string> forced;  // "NAME=VALUE": decisions of the plan to override
+};
+
+/// What the result has besides the picture.
+struct ResultOptions {
+  bool save_film = false;
+  bool cryptomatte = false;
+};
+
+struct PlanningOptions {
+  std::string mode = "auto";        // or "full"
+  std::vector<std::string> forced;  // "NAME=VALUE": decisions to override
+};
+
+/// Options of `render`, `submit` and `plan`: all parameters that determine the picture.
+struct JobOptions {
+  std::string scene;
+  std::string job_file;  // read by CommandLine::Parse
+  ViewOptions view;
+  SamplingOptions sampling;
+  std::string method = "default";
+  EnvironmentMapOptions environment;
+  LensOptions lens;
+  SceneFileOptions files;
+  ResultOptions result;
+  PlanningOptions planning;
 };
 
 /// Adds SCENE and the options above to a command.

@@ -18,7 +18,7 @@ void AddJobName(CommandLine& command_line, std::string* name);
 
 /// Options of `submit`: how a job is scheduled. None of them changes the picture.
 struct SchedulingOptions {
-  explicit SchedulingOptions(const Environment& environment) : user(environment.default_user) {}
+  explicit SchedulingOptions(const Environment& environment) : user(environment.defaults.user) {}
 
   void AddTo(CommandLine& command_line);
   v1::Scheduling ToProto() const;

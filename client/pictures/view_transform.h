@@ -12,7 +12,8 @@ namespace lumifold::pictures {
 /// How linear light of a scene becomes values of a display. Three transforms are always there:
 ///
 ///   standard  the sRGB curve; what is brighter than white is white
-///   filmic    a curve with a soft shoulder (Hable's), then sRGB: bright light keeps its colour and detail longer
+///   filmic    a curve with a soft shoulder (Hable's), then sRGB: bright light keeps its colour and detail
+///             longer
 ///   raw       the values themselves
 ///
 /// Where the environment variable OCIO names an OpenColorIO configuration, its views are there too: "VIEW" of

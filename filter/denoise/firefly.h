@@ -26,7 +26,8 @@ struct FireflyParams {
 /// firefly, that noise must explain it, and the pixel must be brighter than each neighbour by the same
 /// factor. Layers that are differences of light stay: they are mostly near 0, so that all detail would be an
 /// outlier.
-/// Shapes:  `noise_radius`: of that window, in pixels; result: what each half lost, 3 planes; empty where neither did.
+/// Shapes:  `noise_radius`: of that window, in pixels; result: what each half lost, 3 planes; empty where
+///          neither did.
 /// Threads: identical for any pool.
 /// Source:  the outlier test of Cycles' feature prefilter.
 std::array<Planes, 2> SuppressFireflies(const FireflyParams& params, int noise_radius, Halves* halves,
@@ -37,8 +38,8 @@ std::array<Planes, 2> SuppressFireflies(const FireflyParams& params, int noise_r
 /// surface nearby, as far as several outliers of the halves together say that it belongs there: a sum of n
 /// equal terms stands by 1 - 1/n on average, so that one outlier alone returns nothing, however small its
 /// surface is. What is left is added to all of the layer in proportion to its light, by the same rule.
-/// Shapes:  removed[h], light: 3 planes, `light` without noise; geometry: features; result[h]: 3 planes; all of the
-///          layer's size. `knee`: as in MakeGuide(); `reach_px`: of the spread.
+/// Shapes:  removed[h], light: 3 planes, `light` without noise; geometry: features; result[h]: 3 planes; all
+///          of the layer's size. `knee`: as in MakeGuide(); `reach_px`: of the spread.
 /// Threads: identical for any pool.
 std::array<Planes, 2> ReturnRemoved(const std::array<Planes, 2>& removed, const Planes& light,
                                     const Halves& halves, const Planes& geometry, float knee, float reach_px,

@@ -340,82 +340,108 @@ void RestoreUnits(const Product& product, float scale, TaskPool* pool, Candidate
   }
 }
 
+LayerStage FirefliesStage() {
+  return {{.name = "fireflies",
+           .reads = "halves",
+           .writes = "halves, removed energy",
+           .off_when = "one half alone; the remainder",
+           .source = "Cycles' prefilter of features",
+           .header = "filter/denoise/firefly.h",
+           .window_px = [](const Settings& s) { return s.layer.choice.wide_radius; }},
+          [](const LayerState& s) { return HasBothHalves(s) && !s.halves.is_difference; },
+          RunFireflies};
+}
+
+LayerStage SingleFilteringStage() {
+  return {{.name = "single-filtering",
+           .reads = "the layer's mean, fragments, geometry",
+           .writes = "the filtered layer",
+           .off_when = "both halves are known",
+           .source = kManifoldSource,
+           .header = "filter/denoise/single_filtering.h",
+           .window_px = [](const Settings& s) { return BlurWindow(s.layer.single.manifolds.sigma_s); }},
+          HasOneHalf,
+          RunSingleFiltering};
+}
+
+LayerStage FirstFilteringStage() {
+  return {{.name = "first-filtering",
+           .reads = "halves, fragments, geometry",
+           .writes = "candidate P, half by half",
+           .off_when = "one half alone",
+           .source = kManifoldSource,
+           .header = "filter/manifold/manifold_filter.h",
+           .window_px = ReachWindow},
+          HasBothHalves,
+          RunFirstFiltering};
+}
+
+LayerStage SecondFilteringStage() {
+  return {{.name = "second-filtering",
+           .reads = "halves, fragments, P, geometry",
+           .writes = "candidates P + M(half - P) of two ranges, half by half",
+           .off_when = "one half alone; the remainder",
+           .source = "twicing: Tukey 1977",
+           .header = "filter/manifold/manifold_filter.h",
+           .window_px = ReachWindow},
+          [](const LayerState& s) { return HasCandidates(s) && !s.halves.is_difference; },
+          RunSecondFilterings};
+}
+
+LayerStage FireflyEnergyStage() {
+  return {{.name = "firefly-energy",
+           .reads = "removed energy, P, geometry",
+           .writes = "energy to return",
+           .off_when = "nothing was removed",
+           .source = "our own",
+           .header = "filter/denoise/firefly.h",
+           .window_px = ReachWindow},
+          [](const LayerState& s) { return HasCandidates(s) && !s.removed[0].empty(); },
+          RunFireflyEnergy};
+}
+
+LayerStage ChoiceStage() {
+  return {{.name = "choice",
+           .reads = "halves, candidates",
+           .writes = "the filtered layer, half by half",
+           .off_when = "one half alone; when switched off, the last candidate is taken",
+           .source = kChoiceSource,
+           .header = "filter/layers/choice.h",
+           .window_px = [](const Settings& s) { return ChoiceWindow(s.layer.choice); }},
+          HasCandidates,
+          RunChoice};
+}
+
+LayerStage LightRegressionStage() {
+  return {{.name = "light-regression",
+           .reads = "halves, fragments, the filtered layer, geometry",
+           .writes = "the filtered layer at mixed pixels, half by half",
+           .off_when = "one half alone; the remainder; no pixel of the layer is mixed",
+           .source = "Bitterli et al. 2016",
+           .header = "filter/edges/light_regression.h",
+           .window_px = [](const Settings& s) { return RegressionWindow(s.layer.regression); }},
+          HasMixedPixels,
+          RunLightRegression};
+}
+
+LayerStage NoisyChoiceStage() {
+  return {{.name = "noisy-choice",
+           .reads = "halves as they were, the filtered layer, removed energy, energy to return",
+           .writes = "the filtered layer, half by half",
+           .off_when = "one half alone",
+           .source = kChoiceSource,
+           .header = "filter/layers/choice.h",
+           .window_px = [](const Settings& s) { return ChoiceWindow(s.layer.choice); }},
+          HasCandidates,
+          RunNoisyChoice};
+}
+
 }  // namespace
 
 const std::vector<LayerStage>& DefaultLayerStages() {
   static const std::vector<LayerStage> stages = {
-      {{.name = "fireflies",
-        .reads = "halves",
-        .writes = "halves, removed energy",
-        .off_when = "one half alone; the remainder",
-        .source = "Cycles' prefilter of features",
-        .header = "filter/denoise/firefly.h",
-        .window_px = [](const Settings& s) { return s.layer.choice.wide_radius; }},
-       [](const LayerState& s) { return HasBothHalves(s) && !s.halves.is_difference; },
-       RunFireflies},
-      {{.name = "single-filtering",
-        .reads = "the layer's mean, fragments, geometry",
-        .writes = "the filtered layer",
-        .off_when = "both halves are known",
-        .source = kManifoldSource,
-        .header = "filter/denoise/single_filtering.h",
-        .window_px = [](const Settings& s) { return BlurWindow(s.layer.single.manifolds.sigma_s); }},
-       HasOneHalf,
-       RunSingleFiltering},
-      {{.name = "first-filtering",
-        .reads = "halves, fragments, geometry",
-        .writes = "candidate P, half by half",
-        .off_when = "one half alone",
-        .source = kManifoldSource,
-        .header = "filter/manifold/manifold_filter.h",
-        .window_px = ReachWindow},
-       HasBothHalves,
-       RunFirstFiltering},
-      {{.name = "second-filtering",
-        .reads = "halves, fragments, P, geometry",
-        .writes = "candidates P + M(half - P) of two ranges, half by half",
-        .off_when = "one half alone; the remainder",
-        .source = "twicing: Tukey 1977",
-        .header = "filter/manifold/manifold_filter.h",
-        .window_px = ReachWindow},
-       [](const LayerState& s) { return HasCandidates(s) && !s.halves.is_difference; },
-       RunSecondFilterings},
-      {{.name = "firefly-energy",
-        .reads = "removed energy, P, geometry",
-        .writes = "energy to return",
-        .off_when = "nothing was removed",
-        .source = "our own",
-        .header = "filter/denoise/firefly.h",
-        .window_px = ReachWindow},
-       [](const LayerState& s) { return HasCandidates(s) && !s.removed[0].empty(); },
-       RunFireflyEnergy},
-      {{.name = "choice",
-        .reads = "halves, candidates",
-        .writes = "the filtered layer, half by half",
-        .off_when = "one half alone; when switched off, the last candidate is taken",
-        .source = kChoiceSource,
-        .header = "filter/layers/choice.h",
-        .window_px = [](const Settings& s) { return ChoiceWindow(s.layer.choice); }},
-       HasCandidates,
-       RunChoice},
-      {{.name = "light-regression",
-        .reads = "halves, fragments, the filtered layer, geometry",
-        .writes = "the filtered layer at mixed pixels, half by half",
-        .off_when = "one half alone; the remainder; no pixel of the layer is mixed",
-        .source = "Bitterli et al. 2016",
-        .header = "filter/edges/light_regression.h",
-        .window_px = [](const Settings& s) { return RegressionWindow(s.layer.regression); }},
-       HasMixedPixels,
-       RunLightRegression},
-      {{.name = "noisy-choice",
-        .reads = "halves as they were, the filtered layer, removed energy, energy to return",
-        .writes = "the filtered layer, half by half",
-        .off_when = "one half alone",
-        .source = kChoiceSource,
-        .header = "filter/layers/choice.h",
-        .window_px = [](const Settings& s) { return ChoiceWindow(s.layer.choice); }},
-       HasCandidates,
-       RunNoisyChoice}};
+      FirefliesStage(),     SingleFilteringStage(), FirstFilteringStage(),  SecondFilteringStage(),
+      FireflyEnergyStage(), ChoiceStage(),          LightRegressionStage(), NoisyChoiceStage()};
   return stages;
 }
 

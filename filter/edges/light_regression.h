@@ -14,8 +14,9 @@ namespace lumifold::filter {
 /// fragment. A fragment is a sample of its own, with the features of its surface alone; samples are weighted
 /// by their distance in the picture, by their features, by the similarity of F, and by their part of a
 /// pixel's samples.
-/// Shapes:  halves: as UseFragments() leaves them. geometry: of the layer, the fragments' own features last. `filtered`:
-///          F. `knee`: of the stabilised F, over the layer's mean. Result: F off mixed pixels (Halves::is_mixed).
+/// Shapes:  halves: as UseFragments() leaves them. geometry: of the layer, the fragments' own features last.
+///          `filtered`: F. `knee`: of the stabilised F, over the layer's mean. Result: F off mixed pixels
+///          (Halves::is_mixed).
 /// Threads: identical for any pool.
 /// Source:  the regression of Bitterli et al. 2016, on fragments instead of pixels.
 Candidate FitLight(const Halves& halves, const LayerFragments& fragments, const Planes& geometry,

@@ -70,11 +70,11 @@ class SampleReader {
       terms[4 + c] = Bounded(seen_.normal[c].At(x, y));
     }
     terms[7] = Bounded(seen_.mask.At(x, y));
-    const ConstColorView& glossy = frame_.glossy_albedo;
+    const ConstColorView& glossy = frame_.gloss.albedo;
     if (!glossy[0].IsEmpty()) terms[8] = Bounded(LuminanceAt(glossy, x, y));
     const float distance = seen_.distance.At(x, y);
     if (distance > 0 && std::isfinite(distance)) terms[9] = Log(distance) / ranges_.log_depth;
-    if (!frame_.roughness.IsEmpty()) terms[10] = Bounded(frame_.roughness.At(x, y));
+    if (!frame_.gloss.roughness.IsEmpty()) terms[10] = Bounded(frame_.gloss.roughness.At(x, y));
   }
 
   const Frame& frame_;

@@ -53,7 +53,8 @@ inline constexpr int kChoiceCell = 4;
 /// those of the points; others in which or beside which several surfaces meet (Halves::is_mixed); and all
 /// others.
 ///
-/// Source:  halves: Rousselle et al. 2012; t: stacked regression, Breiman 1996; shrinkage: James & Stein 1961.
+/// Source:  halves: Rousselle et al. 2012; t: stacked regression, Breiman 1996; shrinkage: James & Stein
+///          1961.
 /// Threads: safe concurrently; identical for any pool.
 class Choice {
  public:

@@ -84,8 +84,7 @@ Frame::Frame(const LayeredImage& film, const LayeredImage* edge_set, const Layer
   emission = channels.Color(layers::kEmission);
   surface = FirstSurface(channels);
   object_id = channels.One(layers::kObjectId);
-  roughness = channels.One(layers::kRoughness);
-  glossy_albedo = channels.Color(layers::kGlossyAlbedo);
+  gloss = {channels.One(layers::kRoughness), channels.Color(layers::kGlossyAlbedo)};
   samples = {channels.One(layers::kSamplesA), channels.One(layers::kSamplesB)};
   for (const layers::LobeLayer& lobe : layers::kLobeLayers) {
     if (film.HasColor(lobe.light) && film.HasColor(lobe.factor))

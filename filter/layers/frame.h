@@ -45,6 +45,12 @@ struct SurfaceViews {
   ConstFloatView mask;      // part of the pixel that shows a surface with a diffuse lobe
 };
 
+/// Of the first hit's glossy lobes.
+struct GlossViews {
+  ConstFloatView roughness;
+  ConstColorView albedo;  // S
+};
+
 /// Light of the first surface's lobes other than the diffuse one, and the layer that multiplies it.
 struct LobeViews {
   std::string_view name;  // of the light: layers::kGlossy or layers::kTransmitted
@@ -84,8 +90,7 @@ struct Frame {
   ConstColorView emission;       // E
   SurfaceViews surface;          // of the first hit, with T
   ConstFloatView object_id;
-  ConstFloatView roughness;
-  ConstColorView glossy_albedo;    // S
+  GlossViews gloss;
   std::vector<LobeViews> lobes;    // G and transmitted light, where the film has both light and factor
   std::vector<LevelViews> levels;  // all that the film has any channel of, in the order of their index
   SampleCounts samples;            // of the first hit

@@ -44,7 +44,7 @@ LayerFragments LayerFragmentsOf(const Frame& frame, const FragmentSet& set, cons
   LayerFragments out;
   const LayerLight light = set.fragments.empty() ? LayerLight{} : LightOf(*frame.fragments, product);
   if (light.halves == nullptr) return out;
-  const bool has_roughness = product.kind == Product::Kind::kGlossy && !frame.roughness.IsEmpty() &&
+  const bool has_roughness = product.kind == Product::Kind::kGlossy && !frame.gloss.roughness.IsEmpty() &&
                              !frame.fragments->roughness.IsEmpty();
   out.own_features = kGeometryFeatures + (has_roughness ? 1 : 0);
   for (const FragmentSet::Pixel& pixel : set.pixels) {

@@ -24,7 +24,7 @@ void AddEdges(const Frame& frame, Plane* mixed) {
 Plane MixedPixelsOf(const Frame& frame, float mixed_albedo) {
   Plane mixed = frame.level_mask.Clone();
   if (frame.edges.has_value()) AddEdges(frame, &mixed);
-  const ConstColorView& glossy = frame.glossy_albedo;
+  const ConstColorView& glossy = frame.gloss.albedo;
   if (glossy[0].IsEmpty()) return mixed;
   ForEachPixel(frame.width, frame.height, [&](int x, int y) {
     if (LuminanceAt(glossy, x, y) > mixed_albedo) mixed.At(x, y) = 1;

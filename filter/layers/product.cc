@@ -98,8 +98,8 @@ void AddLobe(const Frame& frame, const LobeViews& lobe, const GeometryRanges& ra
   product.box = *box;
   product.validity = BinaryMask(*box, holds);
   const ConstFloatView validity = product.validity.view();
-  if (!frame.roughness.IsEmpty())
-    AppendFeature(frame.roughness.Crop(*box), ranges.roughness, validity, &product.geometry);
+  if (!frame.gloss.roughness.IsEmpty())
+    AppendFeature(frame.gloss.roughness.Crop(*box), ranges.roughness, validity, &product.geometry);
   for (Plane& feature : GeometryFeatures(GeometryOf(frame.surface, *box), validity, ranges, pool))
     product.geometry.push_back(std::move(feature));
   products->push_back(std::move(product));

@@ -79,7 +79,7 @@ Connection::Connection(Shared* shared, net::ip::tcp::socket socket, TlsContext c
                ? nullptr
                : std::make_unique<net::ssl::stream<net::ip::tcp::socket&>>(socket_, *context_)),
       timer_(shared_.io),
-      buffer_(limits_.header_bytes + kReadBytes) {
+      in_(limits_.header_bytes + kReadBytes) {
   shared_.connections.insert(this);
 }
 
@@ -112,10 +112,10 @@ void Connection::Start() {
 void Connection::Stop() {
   if (awaits_since_.has_value()) {
     Close();
-  } else if (pauses_) {
+  } else if (pieces_.pauses) {
     CancelStep();
     SendPiece(std::nullopt);
-  } else if (!outgoing_.empty()) {
+  } else if (!out_.bytes.empty()) {
     ExtendWriteTime();
   }
 }
@@ -126,11 +126,11 @@ void Connection::CloseIfWaiting(absl::Duration patience) {
 
 void Connection::AwaitRequest() {
   awaits_since_ = rpc::MonotonicNow();
-  parser_.emplace();
-  parser_->header_limit(static_cast<uint32_t>(limits_.header_bytes));
-  parser_->body_limit(limits_.body_bytes);
-  parsed_bytes_ = 0;
-  After(buffer_.size() == 0 ? limits_.idle_time : limits_.request_time, &Connection::Close);
+  in_.parser.emplace();
+  in_.parser->header_limit(static_cast<uint32_t>(limits_.header_bytes));
+  in_.parser->body_limit(limits_.body_bytes);
+  in_.parsed_bytes = 0;
+  After(in_.buffer.size() == 0 ? limits_.idle_time : limits_.request_time, &Connection::Close);
   Parse();
 }
 
@@ -138,37 +138,38 @@ void Connection::Read() {
   Transferred received = [self = shared_from_this()](error_code error, size_t bytes) {
     // The caller has closed, or its time is over: it expects no answer to half a request.
     if (error) return self->Close();
-    const bool is_first = self->parsed_bytes_ == 0 && self->buffer_.size() == 0;
+    const bool is_first = self->in_.parsed_bytes == 0 && self->in_.buffer.size() == 0;
     if (is_first) self->After(self->limits_.request_time, &Connection::Close);
-    self->buffer_.commit(bytes);
+    self->in_.buffer.commit(bytes);
     self->Parse();
   };
-  const auto room = buffer_.prepare(kReadBytes);
+  const auto room = in_.buffer.prepare(kReadBytes);
   if (tls_ != nullptr) return tls_->async_read_some(room, std::move(received));
   socket_.async_read_some(room, std::move(received));
 }
 
 void Connection::Parse() {
-  while (!parser_->is_done()) {
-    if (buffer_.size() == 0) return Read();
-    const bool had_head = parser_->is_header_done();
+  while (!in_.parser->is_done()) {
+    if (in_.buffer.size() == 0) return Read();
+    const bool had_head = in_.parser->is_header_done();
     error_code error;
-    const size_t parsed = parser_->put(buffer_.data(), error);
-    buffer_.consume(parsed);
-    parsed_bytes_ += parsed;
+    const size_t parsed = in_.parser->put(in_.buffer.data(), error);
+    in_.buffer.consume(parsed);
+    in_.parsed_bytes += parsed;
     // The parser's own limit is for each call: it takes complete lines, and counts anew.
-    if (!had_head && parsed_bytes_ + (error ? buffer_.size() : 0) > limits_.header_bytes) return Refuse(431);
+    if (!had_head && in_.parsed_bytes + (error ? in_.buffer.size() : 0) > limits_.header_bytes)
+      return Refuse(431);
     if (error == beast::error::need_more) return Read();
     if (error == beast::error::body_limit) return Refuse(413);
     if (error) return Refuse(error == beast::error::header_limit ? 431 : 400);
-    if (had_head || !parser_->is_header_done()) continue;
+    if (had_head || !in_.parser->is_header_done()) continue;
     if (const std::optional<int> refusal = HeadError(); refusal.has_value()) return Refuse(*refusal);
   }
   CallHandler();
 }
 
 std::optional<int> Connection::HeadError() const {
-  const auto& head = parser_->get();
+  const auto& head = in_.parser->get();
   const boost::beast::string_view method = head.method_string();
   const bool is_method =
       std::all_of(method.begin(), method.end(), [](char c) { return absl::ascii_isupper(c); });
@@ -185,7 +186,7 @@ std::optional<int> Connection::HeadError() const {
 void Connection::CallHandler() {
   awaits_since_.reset();
   CancelStep();
-  auto message = parser_->release();
+  auto message = in_.parser->release();
   is_http11_ = message.version() >= 11;
   keeps_alive_ = is_http11_ && message.keep_alive();
   const boost::beast::string_view target = message.target();
@@ -215,7 +216,7 @@ void Connection::Refuse(int status) {
 
 void Connection::Answer(Response response) {
   response_ = std::move(response);
-  next_pause_ = absl::ZeroDuration();
+  pieces_.next_pause = absl::ZeroDuration();
   keeps_alive_ = keeps_alive_ && !shared_.is_stopping;
   std::string framing = keeps_alive_ ? "" : "Connection: close\r\n";
   if (response_.stream != nullptr) {
@@ -230,7 +231,7 @@ void Connection::Answer(Response response) {
 }
 
 void Connection::PullPiece() {
-  pauses_ = false;
+  pieces_.pauses = false;
   shared_.threads.Run([self = shared_from_this(), waits = net::make_work_guard(shared_.io)]() mutable {
     net::io_context& io = self->shared_.io;
     std::optional<std::string> piece = NextPiece(self->response_);
@@ -243,42 +244,42 @@ void Connection::SendPiece(const std::optional<std::string>& piece) {
     response_.stream = nullptr;
     return Send(is_http11_ ? "0\r\n\r\n" : "");
   }
-  next_pause_ = response_.pause;
+  pieces_.next_pause = response_.pause;
   if (piece->empty() || !is_http11_) return Send(*piece);
   Send(absl::StrCat(absl::Hex(piece->size()), "\r\n", *piece, "\r\n"));
 }
 
 void Connection::Send(std::string bytes) {
-  outgoing_ = std::move(bytes);
-  sent_bytes_ = 0;
-  piece_end_ = 0;
+  out_.bytes = std::move(bytes);
+  out_.sent = 0;
+  out_.piece_end = 0;
   SendMore();
 }
 
 void Connection::SendMore() {
-  if (sent_bytes_ == outgoing_.size()) return AfterSending();
-  if (sent_bytes_ >= piece_end_) ExtendWriteTime();
+  if (out_.sent == out_.bytes.size()) return AfterSending();
+  if (out_.sent >= out_.piece_end) ExtendWriteTime();
   Transferred sent = [self = shared_from_this()](error_code error, size_t bytes) {
     if (error) return self->Close();
-    self->sent_bytes_ += bytes;
+    self->out_.sent += bytes;
     self->SendMore();
   };
-  const auto rest = net::buffer(outgoing_.data() + sent_bytes_, outgoing_.size() - sent_bytes_);
+  const auto rest = net::buffer(out_.bytes.data() + out_.sent, out_.bytes.size() - out_.sent);
   if (tls_ != nullptr) return tls_->async_write_some(rest, std::move(sent));
   socket_.async_write_some(rest, std::move(sent));
 }
 
 void Connection::ExtendWriteTime() {
   After(shared_.is_stopping ? kStopTime : limits_.write_time, &Connection::Close);
-  piece_end_ = shared_.is_stopping ? outgoing_.size() : sent_bytes_ + kPieceBytes;
+  out_.piece_end = shared_.is_stopping ? out_.bytes.size() : out_.sent + kPieceBytes;
 }
 
 void Connection::AfterSending() {
-  outgoing_.clear();
+  out_.bytes.clear();
   if (response_.stream != nullptr) {
     if (shared_.is_stopping) return SendPiece(std::nullopt);
-    pauses_ = true;
-    return After(next_pause_, &Connection::PullPiece);
+    pieces_.pauses = true;
+    return After(pieces_.next_pause, &Connection::PullPiece);
   }
   response_ = {};
   if (keeps_alive_ && !shared_.is_stopping) return AwaitRequest();
@@ -296,11 +297,12 @@ void Connection::CloseGently() {
 void Connection::Discard() {
   error_code ignored;
   std::ignore = socket_.shutdown(net::ip::tcp::socket::shutdown_send, ignored);
-  buffer_.clear();
-  socket_.async_read_some(buffer_.prepare(kReadBytes), [self = shared_from_this()](error_code error, size_t) {
-    if (error) return self->Close();
-    self->Discard();
-  });
+  in_.buffer.clear();
+  socket_.async_read_some(in_.buffer.prepare(kReadBytes),
+                          [self = shared_from_this()](error_code error, size_t) {
+                            if (error) return self->Close();
+                            self->Discard();
+                          });
 }
 
 }  // namespace lumifold::http

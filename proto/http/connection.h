@@ -50,6 +50,25 @@ class Connection final : public std::enable_shared_from_this<Connection> {
   void CloseIfWaiting(absl::Duration patience);
 
  private:
+  /// Bytes of a request.
+  struct Incoming {
+    explicit Incoming(size_t max_bytes) : buffer(max_bytes) {}
+
+    boost::beast::flat_buffer buffer;  // received, not parsed
+    std::optional<boost::beast::http::request_parser<boost::beast::http::string_body>> parser;
+    size_t parsed_bytes = 0;
+  };
+  /// Bytes of an answer.
+  struct Outgoing {
+    std::string bytes;
+    size_t sent = 0;
+    size_t piece_end = 0;  // where the time of a write is extended
+  };
+  /// When the next piece of an answer is pulled.
+  struct PieceClock {
+    bool pauses = false;  // before a piece
+    absl::Duration next_pause;
+  };
   using Step = void (Connection::*)();
   using Transferred = std::function<void(boost::system::error_code, size_t)>;
 
@@ -89,19 +108,13 @@ class Connection final : public std::enable_shared_from_this<Connection> {
   /// Since when a whole request is awaited; nullopt while one is answered.
   std::optional<absl::Time> awaits_since_;
 
-  boost::beast::flat_buffer buffer_;  // received, not parsed
-  std::optional<boost::beast::http::request_parser<boost::beast::http::string_body>> parser_;
-  size_t parsed_bytes_ = 0;
+  Incoming in_;
   Request request_;
-  bool keeps_alive_ = false;
-
-  Response response_;
   bool is_http11_ = false;
-  bool pauses_ = false;  // before a piece
-  absl::Duration next_pause_;
-  std::string outgoing_;
-  size_t sent_bytes_ = 0;
-  size_t piece_end_ = 0;  // where the time of a write is extended
+  bool keeps_alive_ = false;
+  Response response_;
+  PieceClock pieces_;
+  Outgoing out_;
 };
 
 }  // namespace lumifold::http

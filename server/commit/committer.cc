@@ -33,15 +33,15 @@ Committer::Committer(const CommitterOptions& options, const DataFolder& folder, 
       timings_(timings),
       listener_(listener),
       logs_({.epoch = options.epoch,
-             .max_open = options.max_open_logs,
+             .max_open = options.storage.max_open_logs,
              .on_lost =
                  [listener](const FrameKey& frame, const absl::Status& cause,
                             const FrameLogs::LostUnits& lost) {
                    listener->OnUnitsLost(frame.first, frame.second, cause, lost);
                  }},
             folder, store),
-      reserve_(folder.ReservePath(), options.reserve_bytes, folder.files()),
-      pauses_(options.pauses) {
+      reserve_(folder.ReservePath(), options.storage.reserve_bytes, folder.files()),
+      pauses_(options.storage.pauses) {
   storage_->OnFail([this] { queue_.NoteStorageFailure(); });
 }
 

@@ -19,6 +19,7 @@
 #include "server/metrics/farm_timings.h"
 #include "server/storage/data_folder.h"
 #include "server/storage/reserve_file.h"
+#include "server/storage/storage_options.h"
 #include "server/storage/storage_state.h"
 
 namespace lumifold::server {
@@ -28,12 +29,7 @@ struct CommitterOptions {
   ledger::Epoch epoch;
   /// Monotonic clock.
   std::function<absl::Time()> now;
-  /// After errors of the storage.
-  retry::Pauses pauses = {.first = absl::Milliseconds(250), .longest = absl::Seconds(5)};
-  /// Number of unit logs that may be open.
-  size_t max_open_logs = 256;
-  /// Bytes of the reserve file; 0 for none.
-  uint64_t reserve_bytes = 0;
+  StorageOptions storage;
 };
 
 /// Does all writing that the state of jobs depends on, on a thread of its own. Commits accepted units in

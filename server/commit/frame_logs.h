@@ -18,8 +18,8 @@
 
 namespace lumifold::server {
 
-/// The unit logs of the frames that one coordinator writes: opens them where the ledger says that they end, appends
-/// units, and takes back units whose records cannot be read.
+/// The unit logs of the frames that one coordinator writes: opens them where the ledger says that they end,
+/// appends units, and takes back units whose records cannot be read.
 /// Threads: one at a time.
 class FrameLogs {
  public:
@@ -37,8 +37,8 @@ class FrameLogs {
 
   /// Sets the size of a frame's log according to the ledger.
   void Restore(const FrameKey& frame, uint64_t committed_bytes) { committed_bytes_[frame] = committed_bytes; }
-  /// Appends units of one job to the logs of their frames and syncs these; their records for the ledger. After an error
-  /// the content of these logs is not known: call CloseAll.
+  /// Appends units of one job to the logs of their frames and syncs these; their records for the ledger.
+  /// After an error the content of these logs is not known: call CloseAll.
   absl::StatusOr<std::vector<ledger::UnitRecord>> Write(const job::JobId& job,
                                                         std::vector<AcceptedUnit>* units);
   /// The ledger has the unit.
@@ -46,8 +46,8 @@ class FrameLogs {
   /// The next write begins at the committed ends.
   void CloseAll(const job::JobId& job) { open_.CloseAll(job); }
 
-  /// Takes back the committed units of a frame whose records cannot be read, and returns them. A try whose outcome is not
-  /// known is repeated.
+  /// Takes back the committed units of a frame whose records cannot be read, and returns them. A try whose
+  /// outcome is not known is repeated.
   LostUnits TakeBackLost(const FrameKey& frame);
   /// Makes records of a frame unreadable.
   absl::Status Void(const FrameKey& frame, const std::vector<job::UnitKey>& units);
@@ -63,7 +63,8 @@ class FrameLogs {
                         std::vector<ledger::UnitRecord>* records);
   absl::Status AppendAndSync(const FrameKey& frame, const std::vector<AcceptedUnit*>& units,
                              std::vector<ledger::UnitRecord>* records);
-  /// Counts an error of the disk with a log, and begins a new log after some. The error that is to be tried again.
+  /// Counts an error of the disk with a log, and begins a new log after some. The error that is to be tried
+  /// again.
   absl::Status NoteWriteError(const FrameKey& frame, const absl::Status& cause);
   absl::Status RecordClass(const job::JobId& job, const std::string& numeric_class);
   absl::StatusOr<film::UnitLog*> LogOf(const FrameKey& frame);

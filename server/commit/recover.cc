@@ -16,6 +16,7 @@
 #include "server/job/job_spec.h"
 #include "server/job/job_state.h"
 #include "server/ledger/sqlite_job_store.h"
+#include "server/storage/folder_contents.h"
 #include "server/storage/manifest.h"
 
 namespace lumifold::server {
@@ -61,12 +62,12 @@ class Recovery {
       : folder_(folder), store_(store), owner_{"recover", epoch} {}
 
   absl::Status AddJobs() {
-    for (const JobId& job : folder_.JobsWithResults()) {
+    for (const JobId& job : JobsWithResults(folder_)) {
       const std::string path = folder_.EndedManifestPath(job);
       if (!Exists(path) || folder_.IsBeingDeleted(job)) continue;
       if (absl::Status status = Add(job, path); !status.ok()) return status;
     }
-    for (const JobId& job : folder_.JobsWithFilm()) {
+    for (const JobId& job : JobsWithFilm(folder_)) {
       if (added_.contains(job) || folder_.IsBeingDeleted(job)) continue;
       if (absl::Status status = Add(job, folder_.ManifestPath(job)); !status.ok()) return status;
     }
@@ -112,7 +113,7 @@ class Recovery {
 
   /// The results of a job that has ended are all there is of it: they count as they are.
   absl::Status AddResults(const JobId& job, bool has_ended, std::vector<int32_t>* finished) {
-    for (const int32_t frame : folder_.ResultsOf(job)) {
+    for (const int32_t frame : ResultsOf(folder_, job)) {
       const std::string path = folder_.ResultPath(job, frame);
       if (!has_ended && !IsIntact(path)) {
         left_out_.push_back(absl::StrCat(path, ": does not have the SHA-256 that was recorded with it"));
@@ -169,8 +170,8 @@ absl::Status CheckHasLedger(const DataFolder& folder) {
     return std::any_of(jobs.begin(), jobs.end(), [&](const JobId& job) { return Exists(path_of(job)); });
   };
   const bool has_jobs =
-      !folder.JobsWithFilm().empty() ||
-      has_manifest(folder.JobsWithResults(), [&](const JobId& job) { return folder.EndedManifestPath(job); });
+      !JobsWithFilm(folder).empty() ||
+      has_manifest(JobsWithResults(folder), [&](const JobId& job) { return folder.EndedManifestPath(job); });
   if (!has_jobs) return absl::OkStatus();
   return absl::FailedPreconditionError(
       absl::StrCat(folder.root(), ": has jobs but no ledger; rebuild it with: lumifold-server ",

@@ -8,6 +8,7 @@
 
 #include "server/film/unit_log.h"
 #include "server/job/tile_grid.h"
+#include "server/storage/folder_contents.h"
 #include "server/storage/manifest.h"
 
 namespace lumifold::server {
@@ -115,7 +116,7 @@ absl::StatusOr<RestoredUnits> RestoreUnits(const DataFolder& folder, ledger::Job
       restored.committed_bytes[unit.unit.key.frame] = end;
   });
   if (!read.ok()) return read;
-  for (const auto& [frame, name, bytes] : folder.UnitLogsOf(job.job)) {
+  for (const auto& [frame, name, bytes] : UnitLogsOf(folder, job.job)) {
     const uint64_t first = ends[name];
     if (bytes <= first || std::binary_search(finished.begin(), finished.end(), frame)) continue;
     LogTail tail(folder, store, job, record, frame, name);

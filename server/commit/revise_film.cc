@@ -7,6 +7,7 @@
 #include "filter/image/file_calls.h"
 #include "server/film/unit_log.h"
 #include "server/film/void_records.h"
+#include "server/storage/folder_contents.h"
 
 namespace lumifold::server {
 namespace {
@@ -51,8 +52,7 @@ absl::Status ReviseLog(const std::string& path, const JobId& job, int32_t frame,
 absl::StatusOr<std::vector<int32_t>> ReviseFilm(const DataFolder& folder, const JobId& job,
                                                 const ReopenPlan& plan, FileSystem* files) {
   std::map<int32_t, std::vector<std::string>> logs;
-  for (const DataFolder::UnitLogFile& log : folder.UnitLogsOf(job))
-    logs[log.frame].push_back(folder.PathOf(log.name));
+  for (const UnitLogFile& log : UnitLogsOf(folder, job)) logs[log.frame].push_back(folder.PathOf(log.name));
   for (const int32_t frame : plan.frames_that_need_film()) {
     if (logs.contains(frame)) continue;
     return absl::FailedPreconditionError(absl::StrCat("job ", job.value(), ": the units of frame ", frame,

@@ -71,13 +71,9 @@ Coordinator::Coordinator(const CoordinatorOptions& options, const DataFolder& fo
       records_(std::make_unique<FarmRecords>(&resources_, cleanup_.get())),
       state_(std::make_unique<FarmState>(&resources_, records_.get())),
       commit_results_(std::make_unique<CommitResults>(&resources_, state_.get())),
-      committer_(std::make_unique<Committer>(CommitterOptions{.epoch = resources_.owner.epoch,
-                                                              .now = options.now,
-                                                              .pauses = options.storage_pauses,
-                                                              .max_open_logs = options.max_open_logs,
-                                                              .reserve_bytes = options.reserve_bytes},
-                                             resources_.folder, store, &resources_.storage,
-                                             &resources_.timings, commit_results_.get())),
+      committer_(std::make_unique<Committer>(
+          CommitterOptions{.epoch = resources_.owner.epoch, .now = options.now, .storage = options.storage},
+          resources_.folder, store, &resources_.storage, &resources_.timings, commit_results_.get())),
       loader_(std::make_unique<JobLoader>(&resources_, state_.get(), cleanup_.get())),
       queries_(std::make_unique<JobQueries>(&resources_, state_.get())),
       submission_(

@@ -21,7 +21,7 @@ Farm::Farm(const Resources* resources, FarmEffects* effects)
     : scheduler(
           {.lease = resources->options.lease, .first_attempt = ledger::FirstAttempt(resources->owner.epoch)}),
       frames(resources->options.finish_pause),
-      frame_limit({.open_logs = resources->options.max_open_logs,
+      frame_limit({.open_logs = resources->options.storage.max_open_logs,
                    .free_disk_bytes = resources->folder.FreeBytes().value_or(0),
                    .memory_bytes = MemoryBytes()}),
       resources_(resources),
@@ -82,9 +82,9 @@ void Farm::EndJob(const JobId& job, v1::JobState state, const std::string& cause
     ending.shown = StatusOfActiveJob(ending.record, progress);
     // All frames may be finished, but the job is done when that is recorded.
     if (job::HasEnded(ending.shown.state())) ending.shown.set_state(v1::JOB_STATE_FILTERING);
-    ending.record.units_done = progress.units_done;
-    ending.record.samples_done = progress.samples_done;
-    ending.record.frames_done = progress.frames_done;
+    ending.record.done.units = progress.units_done;
+    ending.record.done.samples = progress.samples_done;
+    ending.record.done.frames = progress.frames_done;
   } else {  // its spec is not valid
     ending.shown = StatusOfEndedJob(ending.record);
   }
@@ -232,12 +232,12 @@ void Farm::CountCommitted(const AcceptedUnit& unit) {
   if (active == nullptr) {  // the job ended while the unit was being committed
     EndingJob* const ending = jobs.FindEnding(ref.job);
     if (ending == nullptr) return;
-    ++ending->record.units_done;
-    ending->record.samples_done += unit.samples;
+    ++ending->record.done.units;
+    ending->record.done.samples += unit.samples;
     return;
   }
   ledger::JobRecord& record = active->record;
-  record.bad_samples += unit.stored.stats.bad_samples();
+  record.done.bad_samples += unit.stored.stats.bad_samples();
   active->unit_bytes.bytes += unit.record_bytes;
   ++active->unit_bytes.units;
   if (active->render_start.has_value())
@@ -255,7 +255,7 @@ void Farm::CountCommitted(const AcceptedUnit& unit) {
 void Farm::RevokeUnits(const JobId& job, const std::vector<ledger::UnitRecord>& units) {
   for (const ledger::UnitRecord& record : units) {
     scheduler.units().Revoke(record.unit);
-    jobs.FindActive(job)->record.bad_samples -= record.bad_samples;
+    jobs.FindActive(job)->record.done.bad_samples -= record.bad_samples;
   }
   watchers.MarkChanged(job);
 }

@@ -29,13 +29,13 @@ constexpr std::array<std::pair<RetryReason, const char*>, 10> kReasons = {{
 monitoring::FarmFigures FiguresOf(const Resources& resources, FarmState* state) {
   monitoring::FarmFigures figures;
   const DiskSpace disk = DiskSpaceOf(resources.folder.root());
-  figures.disk_free_bytes = disk.free_bytes;
-  figures.disk_room_bytes = disk.room();
-  figures.storage_writable = resources.storage.ok();
-  figures.unit_bytes_received = resources.traffic.units_received;
-  figures.asset_bytes_received = resources.traffic.assets_received;
-  figures.result_bytes_sent = resources.traffic.results_sent;
-  figures.asset_bytes_sent = resources.traffic.assets_sent;
+  figures.storage.free_bytes = disk.free_bytes;
+  figures.storage.room_bytes = disk.room();
+  figures.storage.writable = resources.storage.ok();
+  figures.traffic.units_received = resources.traffic.units_received;
+  figures.traffic.assets_received = resources.traffic.assets_received;
+  figures.traffic.results_sent = resources.traffic.results_sent;
+  figures.traffic.assets_sent = resources.traffic.assets_sent;
   FarmState::View farm(state);
   const scheduler::Figures counts = farm->scheduler.CountAll();
   figures.units_queued = counts.units_queued;

@@ -13,6 +13,7 @@
 #include "server/job/job_spec.h"
 #include "server/job/job_state.h"
 #include "server/scheduler/scheduler.h"
+#include "server/storage/folder_contents.h"
 #include "server/storage/manifest.h"
 
 namespace lumifold::server {
@@ -127,7 +128,7 @@ absl::Status JobLoader::RestoreFiles(const ledger::JobRecord& record, const std:
   const JobId& id = record.id;
   const DataFolder& folder = resources_->folder;
   for (const int32_t frame : finished) cleanup_->janitor().FrameFinished(id, frame);
-  for (const int32_t frame : folder.ResultsOf(id)) {
+  for (const int32_t frame : ResultsOf(folder, id)) {
     // The result before the frame was reopened, or one that was written just before the last run ended.
     if (std::binary_search(finished.begin(), finished.end(), frame)) continue;
     RemoveAll(folder.ResultPath(id, frame), folder.files()).IgnoreError();  // it is written again
@@ -146,7 +147,7 @@ absl::StatusOr<std::vector<ledger::JobRecord>> JobLoader::FindForgottenJobs() {
   const DataFolder& folder = resources_->folder;
   ledger::JobStore* const store = resources_->store;
   std::vector<ledger::JobRecord> forgotten;
-  for (const JobId& job : folder.JobsWithFilm()) {
+  for (const JobId& job : JobsWithFilm(folder)) {
     if (folder.IsBeingDeleted(job)) continue;
     const absl::StatusOr<ledger::JobRecord> row = store->GetJob(job);
     if (row.ok() || absl::IsInternal(row.status())) continue;

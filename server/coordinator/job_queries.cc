@@ -259,12 +259,12 @@ absl::StatusOr<v1::GetLogResponse> JobQueries::GetLog(const v1::GetLogRequest& r
     return absl::InvalidArgumentError("either job_id or worker must be set");
   std::vector<v1::LogEvent> events;
   if (!request.job_id().empty()) {
-    events = resources_->options.events->OfJob(request.job_id(), *limit);
+    events = resources_->options.job_log.events->OfJob(request.job_id(), *limit);
     if (events.empty()) {
       if (absl::Status status = GetJob(request.job_id()).status(); !status.ok()) return status;
     }
   } else {
-    events = resources_->options.events->OfWorker(logging::OneWord(request.worker()), *limit);
+    events = resources_->options.job_log.events->OfWorker(logging::OneWord(request.worker()), *limit);
     if (events.empty())
       return absl::NotFoundError(
           absl::StrCat("no events of a worker ", logging::Quoted(request.worker()), " are kept"));

@@ -19,7 +19,7 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
   status.set_job_id(record.id.value());
   status.set_state(record.state);
   status.set_error(record.error);
-  status.set_units_done(record.units_done);
+  status.set_units_done(record.done.units);
   const bool is_divisible = spec.tile_size() > 0 && spec.pass_samples() > 0;  // a damaged spec may not be
   const int frames = job::FrameList(spec).count();
   if (job::NeedsPlan(spec)) {
@@ -27,18 +27,18 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
   } else {
     status.set_units_total(is_divisible ? job::FrameUnits(spec).count() * frames : 0);
   }
-  status.set_frames_done(record.frames_done);
+  status.set_frames_done(record.done.frames);
   status.set_frames_total(frames);
-  status.set_samples_done(record.samples_done);
+  status.set_samples_done(record.done.samples);
   status.set_samples_total(int64_t{spec.width()} * spec.height() * spec.samples_per_pixel() * frames);
   if (spec.has_adaptive()) {  // how many it needs is known at its end
-    status.set_units_total(record.units_done);
-    if (record.state == v1::JOB_STATE_DONE) status.set_samples_total(record.samples_done);
+    status.set_units_total(record.done.units);
+    if (record.state == v1::JOB_STATE_DONE) status.set_samples_total(record.done.samples);
   } else if (record.state == v1::JOB_STATE_DONE) {  // a ledger that was rebuilt has not counted them
     status.set_units_done(status.units_total());
     status.set_samples_done(status.samples_total());
   }
-  status.set_bad_samples(record.bad_samples);
+  status.set_bad_samples(record.done.bad_samples);
   for (const std::string& line : record.warnings) status.add_warnings(line);
   if (record.warnings_left_out > 0) {
     status.add_warnings(absl::StrCat(record.warnings_left_out,
@@ -66,7 +66,7 @@ v1::JobStatus StatusOfRecord(const ledger::JobRecord& record) {
   if (job::HasEnded(record.state)) return status;
   if (record.scheduling.paused()) {
     status.set_state(v1::JOB_STATE_PAUSED);
-  } else if (record.units_done > 0) {
+  } else if (record.done.units > 0) {
     status.set_state(v1::JOB_STATE_RUNNING);
   } else if (!job::NeedsPlan(record.spec)) {
     status.set_state(v1::JOB_STATE_PLANNED);

@@ -1,13 +1,12 @@
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
 
 #include "absl/time/time.h"
-#include "proto/retry/pauses.h"
 #include "server/storage/retention.h"
+#include "server/storage/storage_options.h"
 
 namespace spdlog {
 class logger;
@@ -30,6 +29,22 @@ struct JobLimits {
   uint64_t job_asset_bytes = 256'000'000'000;
 };
 
+/// What a coordinator tells its program, from any thread.
+struct Notifications {
+  /// Called with false when the storage can no longer be written, and with true when it can again.
+  std::function<void(bool)> on_storage_change = [](bool) {};
+  /// Called once, when its jobs belong to others: nothing that it does counts any more.
+  std::function<void()> on_expelled = [] {};
+};
+
+/// What lines of the log say of jobs, and where they can be read.
+struct JobLog {
+  /// Null: lines say nothing of them.
+  std::shared_ptr<logging::JobLabels> labels = nullptr;
+  /// What GetLog reads; must outlive the coordinator.
+  EventLog* events = nullptr;
+};
+
 /// What a Coordinator is made with.
 struct CoordinatorOptions {
   absl::Duration lease = absl::Seconds(30);
@@ -44,22 +59,12 @@ struct CoordinatorOptions {
   std::function<absl::Time()> wall_now;
   std::function<uint64_t()> random;
   std::shared_ptr<spdlog::logger> log;
-  /// Bytes of the reserve file, see Committer; 0 for none.
-  uint64_t reserve_bytes = 0;
-  /// Number of unit logs that may be open.
-  size_t max_open_logs = 256;
-  /// Pauses while the storage cannot be written.
-  retry::Pauses storage_pauses = {.first = absl::Milliseconds(250), .longest = absl::Seconds(5)};
+  StorageOptions storage;
   JobLimits limits;
   /// What is kept of jobs that have ended. The free bytes of the disk are set by the coordinator.
   RetentionLimits retention;
-  /// Called with false when the storage can no longer be written, and with true when it can again; from any
-  /// thread.
-  std::function<void(bool)> on_storage_change = [](bool) {};
-  /// What lines about jobs say of them, for `log`. Null: nothing.
-  std::shared_ptr<logging::JobLabels> labels = nullptr;
-  /// What GetLog reads; must outlive the coordinator.
-  EventLog* events = nullptr;
+  Notifications notify;
+  JobLog job_log;
   /// Reads assets again that workers could not get; must be stopped before the coordinator ends.
   AssetChecks* asset_checks = nullptr;
   /// Whether connections are in plain text, for display.
@@ -67,8 +72,6 @@ struct CoordinatorOptions {
   /// Whether others may have the same ledger and data folder: then the unfinished jobs are not claimed, but
   /// adopted as cluster::Membership says.
   bool is_member = false;
-  /// Called once, from any thread, when its jobs belong to others: nothing that it does counts any more.
-  std::function<void()> on_expelled = [] {};
 };
 
 }  // namespace lumifold::server

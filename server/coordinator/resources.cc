@@ -18,7 +18,7 @@ Resources::Resources(const CoordinatorOptions& the_options, const DataFolder& th
       finisher(the_finisher),
       owner(std::move(the_owner)),
       storage(options.wall_now, options.log) {
-  storage.OnChange(options.on_storage_change);
+  storage.OnChange(options.notify.on_storage_change);
 }
 
 absl::Status Resources::NoteError(const absl::Status& status) {
@@ -29,8 +29,8 @@ absl::Status Resources::NoteError(const absl::Status& status) {
 }
 
 void Resources::LabelJob(const job::JobId& job, const v1::Scheduling& scheduling) const {
-  if (options.labels == nullptr) return;
-  options.labels->Set(job.value(), {.trace = scheduling.trace_id(), .user = scheduling.user()});
+  if (options.job_log.labels == nullptr) return;
+  options.job_log.labels->Set(job.value(), {.trace = scheduling.trace_id(), .user = scheduling.user()});
 }
 
 }  // namespace lumifold::server

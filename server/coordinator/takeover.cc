@@ -8,6 +8,7 @@
 
 #include "proto/logging/fields.h"
 #include "server/assets/asset_store.h"
+#include "server/storage/folder_contents.h"
 
 namespace lumifold::server {
 
@@ -64,7 +65,7 @@ void Takeover::AdoptJob(const JobId& job) {
 
 absl::Status Takeover::TryToAdopt(const JobId& job) {
   // If its last owner goes on writing a result, it can no longer put it in the place of this coordinator's.
-  if (absl::Status status = resources_->folder.RemoveLeftoversOf(job); !status.ok()) return status;
+  if (absl::Status status = RemoveLeftoversOf(resources_->folder, job); !status.ok()) return status;
   const absl::StatusOr<std::optional<LoadedJob>> loaded = parts_.loader->Load(job);
   if (!loaded.ok()) return loaded.status();
   if (!loaded->has_value()) return absl::OkStatus();
@@ -98,7 +99,7 @@ void Takeover::SendWorkersAway(const std::string& address) {
 
 void Takeover::OnExpelled() {
   parts_.stop_leasing();
-  resources_->options.on_expelled();
+  resources_->options.notify.on_expelled();
 }
 
 void Takeover::LookAtOthers(const std::vector<ledger::Member>& members) {

@@ -126,11 +126,11 @@ void WorkerCalls::OnHeartbeat(WorkerId worker, const v1::Heartbeat& heartbeat) {
 }
 
 void WorkerCalls::KeepLog(WorkerId worker, const google::protobuf::RepeatedPtrField<v1::LogEvent>& lines) {
-  if (lines.empty() || resources_->options.events == nullptr) return;
+  if (lines.empty() || resources_->options.job_log.events == nullptr) return;
   FarmState::View farm(state_);
   const ConnectedWorker* const found = farm->workers.Find(worker);
   if (found == nullptr) return;
-  resources_->options.events->AddOfWorker(
+  resources_->options.job_log.events->AddOfWorker(
       farm->workers.NameOf(worker), lines, resources_->options.wall_now(),
       [&](const std::string& job) { return found->known_jobs.contains(JobId(job)); });
 }

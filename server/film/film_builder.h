@@ -42,7 +42,8 @@ class TileSums {
 ///         sample counts; the channels of geometry units. The same for each level, where D and I are means
 ///         over the samples that reached the level, T and E are means over all samples of the pixel, and a
 ///         tile without the level has zeros. edges: those of all geometry units, in the order of the frame's
-///         rows. fragments: those of all passes with equal pixel and surface as one, see FilmFragmentChannels.
+///         rows. fragments: those of all passes with equal pixel and surface as one, see
+///         FilmFragmentChannels.
 /// Edges:  where a half has no finite sample its mean and its count are 0.
 class FilmBuilder {
  public:

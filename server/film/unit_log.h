@@ -46,8 +46,8 @@ struct RecordPlace {
 ///   u64  XXH3-64 of all values, see DeliveredPixels::values_checksum
 ///   u64  XXH3-64 of the 32 bytes before and the header
 ///   header: a v1::UnitChunk without data (unit_record.h encodes it)
-///   payload: the encoded planes of the pixels in the order of their v1::PixelLayout, then those of the edge set or
-///            of the fragments, if there are any, in the order of their own layout
+///   payload: the encoded planes of the pixels in the order of their v1::PixelLayout, then those of the edge
+///            set or of the fragments, if there are any, in the order of their own layout
 ///
 /// All numbers are little-endian. Records of another version ("LFU" and another digit) give an error that
 /// says so.

@@ -42,9 +42,10 @@ struct SamplingSettings {
 /// Error of a block: amplitude / samples^0.75, which lies between the decline of noise and that of bias.
 /// Samples go where the sum of errors falls most per cost: those of a block are proportional to (amplitude /
 /// cost)^0.45. Bounds on that, because an estimate may be wrong:
-///   - no block gets fewer than a tenth of the mean samples: one that looks clean may not have met its light yet;
-///   - no block grows more than eight times as much as the mean in a round, nor beyond 16 times the budget: a firefly may
-///     not draw everything.
+///   - no block gets fewer than a tenth of the mean samples: one that looks clean may not have met its light
+///     yet;
+///   - no block grows more than eight times as much as the mean in a round, nor beyond 16 times the budget: a
+///     firefly may not draw everything.
 ///
 /// An estimate costs most of a filtering. The first one is made where that is at most one part in twelve of
 /// the budget. A further one makes the amplitudes more precise, and is made where that saves more samples

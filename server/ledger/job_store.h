@@ -29,6 +29,14 @@ struct NewJob {
   Owner owner = {};
 };
 
+/// What of a job is rendered.
+struct WorkDone {
+  int64_t units = 0;
+  int64_t samples = 0;
+  int64_t bad_samples = 0;
+  int32_t frames = 0;
+};
+
 /// A job as recorded in the ledger.
 struct JobRecord {
   job::JobId id;
@@ -44,10 +52,7 @@ struct JobRecord {
   absl::Time submitted;
   /// Time of the first lease; InfinitePast until a unit of the job is committed.
   absl::Time started = absl::InfinitePast();
-  int64_t units_done = 0;
-  int64_t samples_done = 0;
-  int64_t bad_samples = 0;
-  int32_t frames_done = 0;
+  WorkDone done;
   v1::StageTimes times;
   /// The largest of those frames that were estimated.
   std::optional<double> estimated_error = {};
@@ -137,8 +142,8 @@ struct BlockedWorker {
 /// caller has lost the job.
 ///
 /// Errors, unless stated otherwise:
-///   kUnavailable        with its cause: the storage is full, busy, out of memory or not connected, or it failed to
-///                       read or write. It may work again later.
+///   kUnavailable        with its cause: the storage is full, busy, out of memory or not connected, or it
+///                       failed to read or write. It may work again later.
 ///   kDataLoss           the database is malformed.
 ///   kInternal           naming a job whose row is damaged. Other jobs are not affected.
 ///   kNotFound           there is no such job.

@@ -29,10 +29,10 @@ void ReadColumns(SqlRow& row, JobRecord* job) {
   job->numeric_class = row.Text();
   job->submitted = absl::FromUnixMillis(row.Int());
   if (const int64_t started_ms = row.Int(); started_ms != 0) job->started = absl::FromUnixMillis(started_ms);
-  job->units_done = row.Int();
-  job->samples_done = row.Int();
-  job->bad_samples = row.Int();
-  job->frames_done = static_cast<int32_t>(row.Int());
+  job->done.units = row.Int();
+  job->done.samples = row.Int();
+  job->done.bad_samples = row.Int();
+  job->done.frames = static_cast<int32_t>(row.Int());
   job->times.set_render_seconds(row.Real());
   job->times.set_assemble_seconds(row.Real());
   job->times.set_filter_seconds(row.Real());

@@ -122,11 +122,11 @@ ALTER TABLE warnings RENAME TO old_warnings;
 constexpr char kTakeOverRows[] = R"(
 UPDATE epochs SET last = {epoch};
 INSERT INTO jobs(number, id, request_id, request_digest, owner, epoch, state, user_name, error, numeric_class,
-                 submitted_ms, started_ms, units_done, samples_done, bad_samples, render_seconds, assemble_seconds,
-                 filter_seconds, write_seconds, warnings_left_out, scheduling, spec, files)
-  SELECT number, id, request_id, x'', '', 0, state, '', error, numeric_class, submitted_ms, started_ms, units_done,
-         samples_done, bad_samples, render_seconds, assemble_seconds, filter_seconds, write_seconds, {left_out}, x'',
-         spec, x'' FROM old_jobs;
+                 submitted_ms, started_ms, units_done, samples_done, bad_samples, render_seconds,
+                 assemble_seconds, filter_seconds, write_seconds, warnings_left_out, scheduling, spec, files)
+  SELECT number, id, request_id, x'', '', 0, state, '', error, numeric_class, submitted_ms, started_ms,
+         units_done, samples_done, bad_samples, render_seconds, assemble_seconds, filter_seconds,
+         write_seconds, {left_out}, x'', spec, x'' FROM old_jobs;
 INSERT INTO films(job, frame, finished)
   SELECT job, frame, 1 FROM old_frames;
 INSERT OR IGNORE INTO films(job, frame)
@@ -138,11 +138,13 @@ UPDATE films SET (units, samples, bad_samples) =
 UPDATE jobs SET frames_done = (SELECT COUNT(*) FROM old_frames WHERE job = jobs.number);
 INSERT INTO units(film, tile, kind, pass, attempt, worker, file, position, length, samples, bad_samples)
   SELECT films.number, tile, kind, pass, 0, 0, file, "offset", length, old.samples, old.bad_samples
-  FROM old_units AS old JOIN films ON films.job = old.job AND films.frame = old.frame JOIN jobs ON jobs.number = old.job
+  FROM old_units AS old JOIN films ON films.job = old.job AND films.frame = old.frame
+       JOIN jobs ON jobs.number = old.job
   WHERE films.finished = 0 AND jobs.state = {active};
 INSERT OR IGNORE INTO warnings(job, line)
   SELECT job, substr(line, 1, {line}) FROM
-    (SELECT number, job, line, row_number() OVER (PARTITION BY job ORDER BY number) AS place FROM old_warnings)
+    (SELECT number, job, line, row_number() OVER (PARTITION BY job ORDER BY number) AS place
+     FROM old_warnings)
   WHERE place <= {lines} ORDER BY number;
 DROP TABLE old_warnings;
 DROP TABLE old_frames;

@@ -69,18 +69,19 @@ std::vector<MetricFamily> FamiliesOf(const FarmFigures& figures) {
       Counter("lumifold_lease_expiries_total", "Leases that were not renewed, or made no progress.",
               number(figures.leases_expired)),
       RetriesOf(figures),
-      CounterBy(
-          "kind", "lumifold_received_bytes_total", "Bytes of units from workers and of uploaded assets.",
-          {{"assets", number(figures.asset_bytes_received)}, {"units", number(figures.unit_bytes_received)}}),
-      CounterBy(
-          "kind", "lumifold_sent_bytes_total", "Bytes of assets to workers and of results to clients.",
-          {{"assets", number(figures.asset_bytes_sent)}, {"results", number(figures.result_bytes_sent)}}),
+      CounterBy("kind", "lumifold_received_bytes_total",
+                "Bytes of units from workers and of uploaded assets.",
+                {{"assets", number(figures.traffic.assets_received)},
+                 {"units", number(figures.traffic.units_received)}}),
+      CounterBy("kind", "lumifold_sent_bytes_total", "Bytes of assets to workers and of results to clients.",
+                {{"assets", number(figures.traffic.assets_sent)},
+                 {"results", number(figures.traffic.results_sent)}}),
       Gauge("lumifold_storage_writable", "1 while the ledger and the data folder can be written, else 0.",
-            figures.storage_writable ? 1 : 0),
+            figures.storage.writable ? 1 : 0),
       Gauge("lumifold_disk_free_bytes", "Free bytes of the data folder's disk.",
-            number(figures.disk_free_bytes)),
+            number(figures.storage.free_bytes)),
       Gauge("lumifold_disk_room_bytes", "Free bytes that uploads and units may take.",
-            number(figures.disk_room_bytes))};
+            number(figures.storage.room_bytes))};
 }
 
 }  // namespace

@@ -15,6 +15,20 @@ class Collectable;
 
 namespace lumifold::monitoring {
 
+/// Bytes.
+struct TrafficFigures {
+  int64_t units_received = 0;
+  int64_t assets_received = 0;  // uploads
+  int64_t results_sent = 0;
+  int64_t assets_sent = 0;  // to workers
+};
+
+struct StorageFigures {
+  bool writable = true;
+  uint64_t free_bytes = 0;
+  uint64_t room_bytes = 0;  // of them, those that uploads and films may take
+};
+
 /// The state of a coordinator's farm in numbers.
 struct FarmFigures {
   int64_t units_queued = 0;  // of jobs that are not paused; no worker has them, and none has delivered them
@@ -30,14 +44,9 @@ struct FarmFigures {
   int64_t samples_committed = 0;           // camera samples
   int64_t leases_expired = 0;              // not renewed, or without progress
   std::map<std::string, int64_t> retries;  // units that became free again, by reason: all, zero or not
-  int64_t unit_bytes_received = 0;
-  int64_t asset_bytes_received = 0;  // uploads
-  int64_t result_bytes_sent = 0;
-  int64_t asset_bytes_sent = 0;  // to workers
+  TrafficFigures traffic;
 
-  bool storage_writable = true;
-  uint64_t disk_free_bytes = 0;
-  uint64_t disk_room_bytes = 0;  // of them, those that uploads and films may take
+  StorageFigures storage;
 };
 
 /// A source of metrics that calls `figures`, from the endpoint's thread, whenever it is asked. Each state has

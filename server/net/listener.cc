@@ -41,6 +41,30 @@ constexpr int kTickMs = 500;
 constexpr absl::string_view kHttp2 = "PRI";
 constexpr absl::string_view kTls = "\x16\x03";
 
+/// Writes the lines about refused connections, at most kMaxLinesPerSecond.
+class RefusalLines {
+ public:
+  void Write(absl::Time now, const std::string& network, absl::string_view reason, spdlog::logger* log) {
+    if (now - second_ >= absl::Seconds(1)) {
+      if (without_line_ > 0) log->warn("event=connections_refused connections={}", without_line_);
+      second_ = now;
+      lines_ = 0;
+      without_line_ = 0;
+    }
+    if (lines_ >= kMaxLinesPerSecond) {
+      ++without_line_;
+      return;
+    }
+    ++lines_;
+    log->warn("event=connection_refused address={} reason={}", network, logging::Quoted(reason));
+  }
+
+ private:
+  absl::Time second_ = absl::InfinitePast();
+  int lines_ = 0;
+  int without_line_ = 0;
+};
+
 class ListenerImpl final : public Listener {
  public:
   explicit ListenerImpl(const ListenerOptions& options)
@@ -58,19 +82,19 @@ class ListenerImpl final : public Listener {
   void Stop() override {
     if (!thread_.joinable()) return;
     {
-      absl::MutexLock lock(&mutex_);
-      stopping_ = true;
+      absl::MutexLock lock(&orders_.mutex);
+      orders_.stop = true;
     }
-    eventfd_write(wake_.get(), 1);
+    eventfd_write(descriptors_.wake.get(), 1);
     thread_.join();
   }
   void ShutOut(absl::string_view name) override {
     const std::optional<Peer> peer = PeerOf(name);
     if (!peer.has_value()) return;
-    absl::MutexLock lock(&mutex_);
-    if (stopping_) return;
-    to_shut_out_.push_back(*peer);
-    eventfd_write(wake_.get(), 1);
+    absl::MutexLock lock(&orders_.mutex);
+    if (orders_.stop) return;
+    orders_.to_shut_out.push_back(*peer);
+    eventfd_write(descriptors_.wake.get(), 1);
   }
 
   void NoteCall(absl::string_view name) override {
@@ -85,10 +109,21 @@ class ListenerImpl final : public Listener {
     absl::Time deadline;
   };
   using Silents = std::list<Silent>;  // in the order of their deadlines
+  struct Descriptors {
+    std::vector<rpc::FileHandle> listening;
+    rpc::FileHandle poll;
+    rpc::FileHandle wake;
+  };
+  /// What other threads ask for.
+  struct Orders {
+    absl::Mutex mutex;
+    bool stop ABSL_GUARDED_BY(mutex) = false;
+    std::vector<Peer> to_shut_out ABSL_GUARDED_BY(mutex);
+  };
 
   void Watch(int descriptor) {
     epoll_event event = {.events = EPOLLIN | EPOLLRDHUP, .data = {.fd = descriptor}};
-    epoll_ctl(poll_.get(), EPOLL_CTL_ADD, descriptor, &event);
+    epoll_ctl(descriptors_.poll.get(), EPOLL_CTL_ADD, descriptor, &event);
   }
   void Run();
   /// Does what other threads asked for. False: to stop.
@@ -109,9 +144,7 @@ class ListenerImpl final : public Listener {
 
   const ListenerOptions options_;
   int port_ = 0;
-  std::vector<rpc::FileHandle> listening_;
-  rpc::FileHandle poll_;
-  rpc::FileHandle wake_;
+  Descriptors descriptors_;
   std::function<void(int)> take_;
   // Used by the thread only.
   ConnectionTable table_;
@@ -120,38 +153,36 @@ class ListenerImpl final : public Listener {
   Silents silents_;
   std::map<int, Silents::iterator> silent_by_socket_;
   std::map<std::string, absl::Time> shut_out_;  // networks, and until when
-  absl::Time second_ = absl::InfinitePast();
-  int lines_ = 0;
-  int without_line_ = 0;
+  RefusalLines lines_;
   UnservedConnections unserved_;
-  absl::Mutex mutex_;
-  bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
-  std::vector<Peer> to_shut_out_ ABSL_GUARDED_BY(mutex_);
+  Orders orders_;
   std::thread thread_;
 };
 
 absl::Status ListenerImpl::Listen() {
-  poll_ = rpc::FileHandle(epoll_create1(EPOLL_CLOEXEC));
-  wake_ = rpc::FileHandle(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
-  if (poll_.get() < 0 || wake_.get() < 0) return absl::UnavailableError("no descriptor is left");
-  Watch(wake_.get());
+  descriptors_.poll = rpc::FileHandle(epoll_create1(EPOLL_CLOEXEC));
+  descriptors_.wake = rpc::FileHandle(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
+  if (descriptors_.poll.get() < 0 || descriptors_.wake.get() < 0)
+    return absl::UnavailableError("no descriptor is left");
+  Watch(descriptors_.wake.get());
   absl::StatusOr<sockets::ListeningSockets> listening = sockets::ListenAt(options_.address);
   if (!listening.ok()) return listening.status();
   port_ = listening->port;
-  listening_ = std::move(listening->sockets);
-  for (const rpc::FileHandle& socket : listening_) Watch(socket.get());
+  descriptors_.listening = std::move(listening->sockets);
+  for (const rpc::FileHandle& socket : descriptors_.listening) Watch(socket.get());
   return absl::OkStatus();
 }
 
 void ListenerImpl::Run() {
   std::array<epoll_event, 64> events;
   while (true) {
-    const int ready = epoll_wait(poll_.get(), events.data(), static_cast<int>(events.size()), kTickMs);
+    const int ready =
+        epoll_wait(descriptors_.poll.get(), events.data(), static_cast<int>(events.size()), kTickMs);
     for (int i = 0; i < ready; ++i) {
       const int descriptor = events[static_cast<size_t>(i)].data.fd;
-      if (descriptor == wake_.get()) {
+      if (descriptor == descriptors_.wake.get()) {
         if (TakeOrders()) continue;
-        listening_.clear();
+        descriptors_.listening.clear();
         while (!silents_.empty()) close(Take(silents_.begin()).socket);
         return;
       }
@@ -170,12 +201,12 @@ void ListenerImpl::Run() {
 
 bool ListenerImpl::TakeOrders() {
   eventfd_t ignored = 0;
-  eventfd_read(wake_.get(), &ignored);
+  eventfd_read(descriptors_.wake.get(), &ignored);
   std::vector<Peer> peers;
   {
-    absl::MutexLock lock(&mutex_);
-    if (stopping_) return false;
-    peers.swap(to_shut_out_);
+    absl::MutexLock lock(&orders_.mutex);
+    if (orders_.stop) return false;
+    peers.swap(orders_.to_shut_out);
   }
   for (const Peer& peer : peers) CloseAndShutOut(peer);
   return true;
@@ -203,7 +234,7 @@ void ListenerImpl::Readmit() {
 void ListenerImpl::UpdateFilter() {
   std::vector<std::string> networks;
   for (const auto& [network, until] : shut_out_) networks.push_back(network);
-  for (const rpc::FileHandle& listening : listening_) FilterAddresses(listening.get(), networks);
+  for (const rpc::FileHandle& listening : descriptors_.listening) FilterAddresses(listening.get(), networks);
 }
 bool ListenerImpl::IsShutOut(const std::string& network) {
   const auto found = shut_out_.find(network);
@@ -239,7 +270,7 @@ ListenerImpl::Silent ListenerImpl::Take(Silents::iterator silent) {
   Silent taken = std::move(*silent);
   silent_by_socket_.erase(taken.socket);
   silents_.erase(silent);
-  epoll_ctl(poll_.get(), EPOLL_CTL_DEL, taken.socket, nullptr);
+  epoll_ctl(descriptors_.poll.get(), EPOLL_CTL_DEL, taken.socket, nullptr);
   return taken;
 }
 
@@ -271,18 +302,7 @@ void ListenerImpl::Refuse(int socket, const std::string& network, absl::string_v
   CountRefusal(network);
   table_.Remove(socket);
   close(socket);
-  if (now - second_ >= absl::Seconds(1)) {
-    if (without_line_ > 0) options_.log->warn("event=connections_refused connections={}", without_line_);
-    second_ = now;
-    lines_ = 0;
-    without_line_ = 0;
-  }
-  if (lines_ >= kMaxLinesPerSecond) {
-    ++without_line_;
-    return;
-  }
-  ++lines_;
-  options_.log->warn("event=connection_refused address={} reason={}", network, logging::Quoted(reason));
+  lines_.Write(now, network, reason, options_.log.get());
 }
 
 void ListenerImpl::CountRefusal(const std::string& network) {

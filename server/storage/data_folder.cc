@@ -12,7 +12,6 @@
 #include <system_error>
 #include <vector>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "filter/image/file_calls.h"
@@ -23,9 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kFramePrefix[] = "frame-";
-constexpr char kLogSuffix[] = ".units";
-constexpr char kResultSuffix[] = ".exr";
 
 /// Everything in a folder and the folder itself, contents first.
 absl::StatusOr<std::vector<std::string>> ContentsFirst(const std::string& path) {
@@ -42,28 +38,6 @@ absl::StatusOr<std::vector<std::string>> ContentsFirst(const std::string& path) 
   if (error) return absl::UnavailableError(absl::StrCat(path, ": ", error.message()));
   std::reverse(all.begin(), all.end());
   return all;
-}
-
-struct FrameFile {
-  int32_t frame = 0;
-  fs::path path;
-};
-
-/// The files of frames in a folder, frame-NNNN, perhaps a writer, and the suffix; by name.
-std::vector<FrameFile> FrameFilesIn(const std::string& folder, const char* suffix) {
-  std::vector<FrameFile> files;
-  std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
-    const std::string name = entry->path().stem().string();
-    if (entry->path().extension() != suffix || !name.starts_with(kFramePrefix)) continue;
-    const size_t first = std::strlen(kFramePrefix);
-    int32_t frame = 0;
-    if (absl::SimpleAtoi(name.substr(first, name.find('.', first) - first), &frame))
-      files.push_back({frame, entry->path()});
-  }
-  std::sort(files.begin(), files.end(),
-            [](const FrameFile& a, const FrameFile& b) { return a.path < b.path; });
-  return files;
 }
 
 }  // namespace
@@ -118,32 +92,6 @@ absl::StatusOr<rpc::FileHandle> DataFolder::Claim() const {
   return lock;
 }
 
-absl::Status DataFolder::RemoveLeftovers() const {
-  return RemovePartialFiles({root_ + "/results", root_ + "/film"});
-}
-
-absl::Status DataFolder::RemoveLeftoversOf(const job::JobId& job) const {
-  return RemovePartialFiles({ResultsPath(job), FilmPath(job)});
-}
-
-absl::Status DataFolder::RemovePartialFiles(const std::vector<std::string>& folders) const {
-  // Results and manifests that still have their temporary name are incomplete.
-  std::vector<std::string> partial;
-  for (const std::string& folder : folders) {
-    std::error_code error;
-    for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end;
-         entry.increment(error)) {
-      if (entry->path().extension() == kPartialSuffix) partial.push_back(entry->path().string());
-    }
-    if (error && error != std::errc::no_such_file_or_directory)
-      return absl::UnavailableError(absl::StrCat(folder, ": ", error.message()));
-  }
-  for (const std::string& path : partial) {
-    if (absl::Status status = RemoveAll(path, files_); !status.ok()) return status;
-  }
-  return absl::OkStatus();
-}
-
 bool DataFolder::IsBeingDeleted(const job::JobId& job) const {
   std::error_code error;
   return fs::exists(DeletionPath(job), error);
@@ -153,40 +101,6 @@ absl::StatusOr<uint64_t> DataFolder::FreeBytes() const {
   struct statvfs info = {};
   if (statvfs(root_.c_str(), &info) != 0) return StorageError(root_, errno);
   return uint64_t{info.f_bavail} * info.f_frsize;
-}
-
-std::vector<job::JobId> DataFolder::NamesIn(const std::string& path) {
-  std::vector<job::JobId> names;
-  std::error_code error;
-  for (fs::directory_iterator entry(path, error), end; !error && entry != end; entry.increment(error))
-    names.emplace_back(entry->path().filename().string());
-  std::sort(names.begin(), names.end());
-  return names;
-}
-
-std::vector<DataFolder::UnitLogFile> DataFolder::UnitLogsOf(const job::JobId& job) const {
-  std::vector<UnitLogFile> logs;
-  for (const FrameFile& file : FrameFilesIn(FilmPath(job), kLogSuffix)) {
-    std::error_code gone;
-    const auto bytes = fs::file_size(file.path, gone);
-    if (!gone)
-      logs.push_back(
-          {file.frame, absl::StrCat("film/", job.value(), "/", file.path.filename().string()), bytes});
-  }
-  return logs;
-}
-
-std::vector<DataFolder::UnitLogFile> DataFolder::UnitLogsOf(const job::JobId& job, int32_t frame) const {
-  std::vector<UnitLogFile> logs = UnitLogsOf(job);
-  std::erase_if(logs, [frame](const UnitLogFile& log) { return log.frame != frame; });
-  return logs;
-}
-
-std::vector<int32_t> DataFolder::ResultsOf(const job::JobId& job) const {
-  std::vector<int32_t> frames;
-  for (const FrameFile& file : FrameFilesIn(ResultsPath(job), kResultSuffix)) frames.push_back(file.frame);
-  std::sort(frames.begin(), frames.end());
-  return frames;
 }
 
 std::string DataFolder::UnitLogName(const job::JobId& job, int32_t frame) const {

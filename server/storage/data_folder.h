@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "absl/status/statusor.h"
 #include "filter/image/file_system.h"
@@ -17,11 +16,12 @@ namespace lumifold::server {
 ///   ledger.db        jobs and committed units
 ///   assets/SHA256    scenes and the files they refer to (SHA256.damaged: the disk has changed its content)
 ///   incoming/        uploads in progress, and what has arrived of those that broke (see AssetStore)
-///   film/JOB/        the unit logs of a job, frame-NNNN.units, and its numeric class (class); until the job has ended,
-///                    its manifest. Where several coordinators share the folder each has logs of its own,
-///                    frame-NNNN.e12.units for epoch 12: one that was taken for dead and goes on writing harms nobody
-///   results/JOB/     results, frame-NNNN.exr, each with its SHA-256, frame-NNNN.exr.sha256; the manifest of a job
-///                    that has ended
+///   film/JOB/        the unit logs of a job, frame-NNNN.units, and its numeric class (class); until the job
+///                    has ended, its manifest. Where several coordinators share the folder each has logs of
+///                    its own, frame-NNNN.e12.units for epoch 12: one that was taken for dead and goes on
+///                    writing harms nobody
+///   results/JOB/     results, frame-NNNN.exr, each with its SHA-256, frame-NNNN.exr.sha256; the manifest of
+///                    a job that has ended
 ///   deleted/JOB      empty: the job was deleted, its files go next (see Janitor)
 ///   access/          authority, server certificate, tokens (see access::AccessControl); there after `init`
 ///   reserve          space that is given up when the disk is full, so that the ledger can still be written
@@ -32,6 +32,10 @@ namespace lumifold::server {
 /// Threads: safe.
 class DataFolder {
  public:
+  static constexpr char kFramePrefix[] = "frame-";
+  static constexpr char kLogSuffix[] = ".units";
+  static constexpr char kResultSuffix[] = ".exr";
+
   /// All files but the ledger's are written through `files`, which must outlive the folder and its copies.
   explicit DataFolder(std::string root, FileSystem* files = PrivateFileSystem())
       : root_(std::move(root)), files_(files) {}
@@ -47,12 +51,6 @@ class DataFolder {
   /// Errors: kFailedPrecondition where another coordinator holds it; kUnavailable with the system's message.
   /// Both name the folder.
   absl::StatusOr<rpc::FileHandle> Claim() const;
-
-  /// Removes incomplete files of a coordinator that was killed, in the films and results of all jobs or of
-  /// one. If it was not, its writing of them fails.
-  /// Errors: kUnavailable naming the file.
-  absl::Status RemoveLeftovers() const;
-  absl::Status RemoveLeftoversOf(const job::JobId& job) const;
 
   const std::string& root() const { return root_; }
   FileSystem* files() const { return files_; }
@@ -77,21 +75,6 @@ class DataFolder {
   /// Errors: kUnavailable naming the folder.
   absl::StatusOr<uint64_t> FreeBytes() const;
 
-  /// Jobs that have a film, and jobs that have results, by id.
-  std::vector<job::JobId> JobsWithFilm() const { return NamesIn(root_ + "/film"); }
-  std::vector<job::JobId> JobsWithResults() const { return NamesIn(root_ + "/results"); }
-  struct UnitLogFile {
-    int32_t frame = 0;
-    /// Relative to the data folder, as recorded in the ledger.
-    std::string name;
-    uint64_t bytes = 0;
-  };
-  /// The unit logs of a job, or of one of its frames, of all coordinators, by name.
-  std::vector<UnitLogFile> UnitLogsOf(const job::JobId& job) const;
-  std::vector<UnitLogFile> UnitLogsOf(const job::JobId& job, int32_t frame) const;
-  /// Frames of a job that have a result, in ascending order.
-  std::vector<int32_t> ResultsOf(const job::JobId& job) const;
-
   /// The frame's unit log that is written here, relative to the data folder.
   std::string UnitLogName(const job::JobId& job, int32_t frame) const;
   std::string PathOf(const std::string& name) const { return root_ + "/" + name; }
@@ -100,10 +83,6 @@ class DataFolder {
   std::string RoundsPath(const job::JobId& job, int32_t frame) const;
 
  private:
-  static std::vector<job::JobId> NamesIn(const std::string& path);
-
-  absl::Status RemovePartialFiles(const std::vector<std::string>& folders) const;
-
   std::string root_;
   FileSystem* files_;
   std::string writer_;

@@ -14,6 +14,7 @@
 #include "proto/logging/fields.h"
 #include "proto/rpc/byte_stream.h"
 #include "server/job/job_spec.h"
+#include "server/storage/folder_contents.h"
 #include "server/storage/manifest.h"
 
 namespace lumifold::server {
@@ -246,11 +247,11 @@ Janitor::Files Janitor::Do(const EndedJob& ended) {
 }
 
 Janitor::Files Janitor::Do(const FinishedFrame& finished) {
-  const std::vector<DataFolder::UnitLogFile> logs = folder_.UnitLogsOf(finished.job, finished.frame);
+  const std::vector<UnitLogFile> logs = UnitLogsOf(folder_, finished.job, finished.frame);
   if (logs.empty()) return std::vector<std::string>();
   absl::Time written = absl::InfinitePast();
   uint64_t bytes = 0;
-  for (const DataFolder::UnitLogFile& log : logs) {
+  for (const UnitLogFile& log : logs) {
     written = std::max(written, WrittenAt(folder_.PathOf(log.name)));
     bytes += log.bytes;
   }
@@ -266,7 +267,7 @@ Janitor::Files Janitor::Do(const Removal& removal) {
       files.push_back(folder_.FilmPath(removal.job));
       break;
     case Removal::What::kFrame:
-      for (const DataFolder::UnitLogFile& log : folder_.UnitLogsOf(removal.job, removal.frame))
+      for (const UnitLogFile& log : UnitLogsOf(folder_, removal.job, removal.frame))
         files.push_back(folder_.PathOf(log.name));
       break;
     case Removal::What::kJob:

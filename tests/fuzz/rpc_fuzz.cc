@@ -82,15 +82,15 @@ class Farm {
  public:
   Farm() : folder_(InMemory()) {
     server::ServerOptions options;
-    options.data_dir = folder_.PathOf("data");
+    options.data.folder = folder_.PathOf("data");
     // Access control is there for a coordinator that listens, but all calls come from inside the process.
     options.listen = "127.0.0.1:0";
-    if (!std::filesystem::create_directory(options.data_dir)) Fail("no folder", options.data_dir);
+    if (!std::filesystem::create_directory(options.data.folder)) Fail("no folder", options.data.folder);
     if (const absl::Status made = access::MakeAccessFolder(
-            {.folder = options.data_dir + "/access", .store = "", .log = nullptr}, {});
+            {.folder = options.data.folder + "/access", .store = "", .log = nullptr}, {});
         !made.ok())
       Fail("no access control", std::string(made.message()));
-    options.reserve_bytes = 0;
+    options.data.storage.reserve_bytes = 0;
     options.random = [random = std::make_shared<std::mt19937_64>(1)] { return (*random)(); };
     absl::StatusOr<std::unique_ptr<server::Server>> server = server::Server::Start(std::move(options));
     if (!server.ok()) Fail("no server", std::string(server.status().message()));

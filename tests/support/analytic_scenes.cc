@@ -52,15 +52,15 @@ Mesh SphereMesh(float radius, int n, int material) {
 
 Material Lambert(Vec3 albedo) {
   Material material;
-  material.base_color = albedo;
-  material.metallic = 0;
-  material.specular = 0;
+  material.base.color = albedo;
+  material.base.metallic = 0;
+  material.specular.factor = 0;
   return material;
 }
 
 Material Emitter(Vec3 radiance) {
   Material material = Lambert({0, 0, 0});
-  material.emission = radiance;
+  material.emission.radiance = radiance;
   return material;
 }
 
@@ -114,11 +114,11 @@ Scene Furnace(const Material& material) {
 Scene SmallRoom() {
   Scene scene;
   Material glossy = Lambert({0.6f, 0.3f, 0.2f});
-  glossy.specular = 1;
-  glossy.roughness = 0.3f;
+  glossy.specular.factor = 1;
+  glossy.base.roughness = 0.3f;
   Material mirror;
-  mirror.base_color = {0.9f, 0.9f, 0.9f};
-  mirror.roughness = 0;
+  mirror.base.color = {0.9f, 0.9f, 0.9f};
+  mirror.base.roughness = 0;
   scene.materials = {Lambert({0.7f, 0.7f, 0.7f}),
                      Lambert({0.6f, 0.1f, 0.1f}),
                      Lambert({0.1f, 0.5f, 0.1f}),

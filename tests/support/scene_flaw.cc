@@ -49,8 +49,8 @@ std::string MaterialFlaw(const Material& m, const Scene& scene) {
       return "a texture transform that is not finite";
     }
   }
-  const bool finite = IsFinite(m.base_color) && IsFinite(m.emission) && IsFinite(m.specular_color) &&
-                      IsFinite(m.sheen_color) && IsFinite(m.attenuation_color);
+  const bool finite = IsFinite(m.base.color) && IsFinite(m.emission.radiance) && IsFinite(m.specular.color) &&
+                      IsFinite(m.sheen.color) && IsFinite(m.volume.attenuation_color);
   return finite ? "" : "a material colour that is not finite";
 }
 

@@ -1,6 +1,5 @@
 #include "worker/leases/lease_runner.h"
 
-#include <algorithm>
 #include <limits>
 #include <optional>
 #include <random>
@@ -19,29 +18,11 @@
 namespace lumifold::worker {
 namespace {
 
-bool IsSameUnit(const v1::UnitId& a, const v1::UnitId& b) {
-  return a.job_id() == b.job_id() && a.frame() == b.frame() && a.tile() == b.tile() && a.pass() == b.pass() &&
-         a.kind() == b.kind();
-}
-
-bool IsLease(const v1::Lease& lease, const v1::UnitId& unit, int64_t attempt) {
-  return lease.attempt() == attempt && IsSameUnit(lease.unit(), unit);
-}
-
 std::string Describe(const v1::UnitId& unit) {
   if (unit.kind() == v1::UNIT_KIND_PLAN) return absl::StrCat("job=", unit.job_id(), " kind=plan");
   return absl::StrCat("job=", unit.job_id(), " frame=", unit.frame(), " tile=", unit.tile(),
                       " pass=", unit.pass(),
                       " kind=", unit.kind() == v1::UNIT_KIND_GEOMETRY ? "geometry" : "pass");
-}
-
-/// Whether the leases are for the same samples of the same pixels, whatever their attempts.
-bool IsSameWork(v1::Lease a, v1::Lease b) {
-  for (v1::Lease* lease : {&a, &b}) {
-    lease->clear_attempt();
-    lease->clear_progress();
-  }
-  return a.SerializeAsString() == b.SerializeAsString();
 }
 
 void SendFailure(const v1::Lease& lease, const absl::Status& failure, std::vector<v1::LogEvent> log,
@@ -79,12 +60,10 @@ uint64_t RandomInstance() {
 LeaseRunner::LeaseRunner(int threads, SpecCache* specs, UnitRenderer* renderer, WorkerLog log)
     : specs_(specs),
       renderer_(renderer),
-      log_(std::move(log.log)),
-      labels_(std::move(log.labels)),
-      tail_(std::move(log.tail)),
+      log_(std::move(log)),
       instance_(RandomInstance()),
       activities_(threads, rpc::MonotonicNow()),
-      idle_since_(rpc::MonotonicNow()) {
+      units_(rpc::MonotonicNow()) {
   totals_.failures = {{kMissingAsset, 0}, {kPermanent, 0}, {kRefused, 0}, {kTransient, 0}};
   for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { RunThread(); });
 }
@@ -93,8 +72,8 @@ LeaseRunner::~LeaseRunner() {
   {
     absl::MutexLock lock(&mutex_);
     stopping_ = true;
-    RemoveHeld([](const v1::Lease&) { return true; });
-    RemoveInHand([](const v1::Lease&) { return true; });
+    units_.RemoveHeld([](const v1::Lease&) { return true; });
+    units_.RemoveInHand([](const v1::Lease&) { return true; });
   }
   renderer_->StopLoading();
   for (std::thread& thread : threads_) thread.join();
@@ -103,7 +82,7 @@ LeaseRunner::~LeaseRunner() {
 
 void LeaseRunner::LogAccount(const std::string& job_id, absl::Duration spent) const {
   if (spent == absl::ZeroDuration()) return;
-  log_->info("event=job_account job={} core_seconds={:.3f}", job_id, absl::ToDoubleSeconds(spent));
+  log_.log->info("event=job_account job={} core_seconds={:.3f}", job_id, absl::ToDoubleSeconds(spent));
 }
 
 void LeaseRunner::OnConnected(std::shared_ptr<Outbox> outbox) {
@@ -114,34 +93,21 @@ void LeaseRunner::OnConnected(std::shared_ptr<Outbox> outbox) {
 void LeaseRunner::OnDisconnected() {
   absl::MutexLock lock(&mutex_);
   outbox_ = nullptr;
-  newest_attempt_ = 0;
-  std::erase_if(taken_, [&](const auto& entry) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    const TakenPtr& taken = entry.second;
-    if (taken->spec == nullptr || leaving_) return false;  // nothing is rendered, or nobody will ask for it
-    taken->is_delivered = false;
-    taken->was_in_hand = true;
-    in_hand_.push_back(taken);
-    return true;
-  });
-  RemoveHeld([](const v1::Lease&) { return true; });
-  while (in_hand_.size() > static_cast<size_t>(slots())) {
-    Stop(in_hand_.front());
-    in_hand_.erase(in_hand_.begin());
-  }
+  units_.LoseConnection(/*keep=*/!departure_.leaving, static_cast<size_t>(slots()));
   specs_->Clear();
 }
 
 std::vector<v1::Lease> LeaseRunner::InHand() const {
   absl::MutexLock lock(&mutex_);
   std::vector<v1::Lease> leases;
-  for (const TakenPtr& taken : in_hand_) leases.push_back(taken->lease);
+  for (const TakenPtr& taken : units_.in_hand()) leases.push_back(taken->lease);
   return leases;
 }
 
 void LeaseRunner::DropInHand() {
   absl::MutexLock lock(&mutex_);
-  if (!in_hand_.empty()) log_->info("event=units_dropped units={}", in_hand_.size());
-  RemoveInHand([](const v1::Lease&) { return true; });
+  if (!units_.in_hand().empty()) log_.log->info("event=units_dropped units={}", units_.in_hand().size());
+  units_.RemoveInHand([](const v1::Lease&) { return true; });
 }
 
 void LeaseRunner::OnMessage(const v1::CoordinatorMessage& message) {
@@ -158,7 +124,7 @@ void LeaseRunner::OnMessage(const v1::CoordinatorMessage& message) {
     case v1::CoordinatorMessage::kDrain:
       return BeginToLeave("drained");
     case v1::CoordinatorMessage::kReleased:
-      released_ = true;
+      departure_.released = true;
       return;
     case v1::CoordinatorMessage::kMove:
       return OnMove(message.move());
@@ -169,17 +135,9 @@ void LeaseRunner::OnMessage(const v1::CoordinatorMessage& message) {
 
 void LeaseRunner::OnGrant(const v1::Grant& grant) {
   for (const v1::Lease& lease : grant.leases()) {
-    if (rpc::IsTraceId(grant.trace_id())) labels_->Set(lease.unit().job_id(), {.trace = grant.trace_id()});
-    newest_attempt_ = std::max(newest_attempt_, lease.attempt());
-    held_.push_back(lease);
-    const TakenPtr in_hand = TakeInHand(lease);
-    if (in_hand == nullptr) {
-      waiting_.push_back(std::make_shared<Taken>(lease));
-      continue;
-    }
-    in_hand->lease = lease;
-    taken_[lease.attempt()] = in_hand;
-    if (!in_hand->has_thread) waiting_.push_front(in_hand);  // it is rendered
+    if (rpc::IsTraceId(grant.trace_id()))
+      log_.labels->Set(lease.unit().job_id(), {.trace = grant.trace_id()});
+    units_.Add(lease);
   }
   // At once, before a thread begins: only a unit that was received can end the worker.
   if (outbox_ != nullptr) {
@@ -188,90 +146,49 @@ void LeaseRunner::OnGrant(const v1::Grant& grant) {
     outbox_->Send(std::move(answer));
   }
   // The coordinator has not heard yet that this worker leaves.
-  if (leaving_ || move_.has_value()) HandBackWaiting();
-}
-
-LeaseRunner::TakenPtr LeaseRunner::TakeInHand(const v1::Lease& lease) {
-  const auto found = std::find_if(in_hand_.begin(), in_hand_.end(), [&](const TakenPtr& taken) {
-    return IsSameUnit(taken->lease.unit(), lease.unit());
-  });
-  if (found == in_hand_.end()) return nullptr;
-  TakenPtr taken = *found;
-  in_hand_.erase(found);
-  if (IsSameWork(taken->lease, lease)) return taken;
-  Stop(taken);
-  return nullptr;
-}
-
-void LeaseRunner::Stop(const TakenPtr& taken) {
-  past_progress_ += taken->control.progress;
-  taken->control.stop = true;
-}
-
-template <typename Condition>
-void LeaseRunner::RemoveInHand(Condition condition) {
-  std::erase_if(in_hand_, [&](const TakenPtr& taken) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    if (!condition(taken->lease)) return false;
-    Stop(taken);
-    return true;
-  });
-}
-
-template <typename Condition>
-void LeaseRunner::RemoveHeld(Condition condition) {
-  const auto is_removed = [&](const v1::Lease& lease) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    if (!condition(lease)) return false;
-    const auto taken = taken_.find(lease.attempt());
-    if (taken != taken_.end()) {
-      Stop(taken->second);
-      taken_.erase(taken);
-    }
-    return true;
-  };
-  std::erase_if(waiting_, [&](const TakenPtr& taken) { return condition(taken->lease); });
-  if (std::erase_if(held_, is_removed) > 0 && held_.empty()) idle_since_ = rpc::MonotonicNow();
+  if (departure_.leaving || departure_.move.has_value()) HandBackWaiting();
 }
 
 template <typename Condition>
 void LeaseRunner::HandBack(Condition condition) {
   v1::WorkerMessage message;
-  for (const v1::Lease& lease : held_) {
+  for (const v1::Lease& lease : units_.held()) {
     if (condition(lease)) *message.mutable_hand_back()->add_leases() = lease;
   }
   if (message.hand_back().leases().empty()) return;
-  log_->info("event=leases_handed_back leases={}", message.hand_back().leases_size());
+  log_.log->info("event=leases_handed_back leases={}", message.hand_back().leases_size());
   std::set<int64_t> attempts;
   for (const v1::Lease& lease : message.hand_back().leases()) attempts.insert(lease.attempt());
-  RemoveHeld([&](const v1::Lease& lease) { return attempts.contains(lease.attempt()); });
+  units_.RemoveHeld([&](const v1::Lease& lease) { return attempts.contains(lease.attempt()); });
   if (outbox_ != nullptr) outbox_->Send(std::move(message));
 }
 
 void LeaseRunner::HandBackWaiting() {
   HandBack([this](const v1::Lease& lease)
-               ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return !taken_.contains(lease.attempt()); });
+               ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return !units_.IsTaken(lease); });
 }
 
 void LeaseRunner::OnAck(const v1::UnitAck& ack) {
   if (!ack.refused().empty()) {
     ++totals_.failures[kRefused];
-    log_->error("event=unit_refused {} reason={}", Describe(ack.unit()), logging::Quoted(ack.refused()));
+    log_.log->error("event=unit_refused {} reason={}", Describe(ack.unit()), logging::Quoted(ack.refused()));
   }
-  RemoveHeld([&](const v1::Lease& held) { return IsLease(held, ack.unit(), ack.attempt()); });
+  units_.RemoveHeld([&](const v1::Lease& held) { return IsLease(held, ack.unit(), ack.attempt()); });
 }
 
 void LeaseRunner::OnVoidLeases(const v1::VoidLeases& message) {
   for (const v1::Lease& lease : message.leases()) {
-    log_->info("event=lease_void {}", Describe(lease.unit()));
+    log_.log->info("event=lease_void {}", Describe(lease.unit()));
     const auto is_void = [&](const v1::Lease& own) { return IsLease(own, lease.unit(), lease.attempt()); };
-    RemoveHeld(is_void);
-    RemoveInHand(is_void);
+    units_.RemoveHeld(is_void);
+    units_.RemoveInHand(is_void);
   }
 }
 
 void LeaseRunner::OnJobEnded(const std::string& job_id) {
   const auto has_ended = [&](const v1::Lease& lease) { return lease.unit().job_id() == job_id; };
-  RemoveHeld(has_ended);
-  RemoveInHand(has_ended);
+  units_.RemoveHeld(has_ended);
+  units_.RemoveInHand(has_ended);
   specs_->Forget(job_id);
   renderer_->ForgetJob(job_id);
   LogAccount(job_id, account_.Close(job_id));
@@ -280,17 +197,8 @@ void LeaseRunner::OnJobEnded(const std::string& job_id) {
 v1::Heartbeat LeaseRunner::MakeHeartbeat() const {
   absl::MutexLock lock(&mutex_);
   v1::Heartbeat heartbeat;
-  int64_t all = past_progress_;
-  for (const auto& [attempt, taken] : taken_) all += taken->control.progress;
-  for (const TakenPtr& taken : in_hand_) all += taken->control.progress;
-  for (const v1::Lease& lease : held_) {
-    const auto own = taken_.find(lease.attempt());
-    *heartbeat.add_held() = lease;
-    heartbeat.mutable_held()->rbegin()->set_progress(
-        own == taken_.end() ? all : own->second->control.progress.load());
-  }
-  heartbeat.set_newest_attempt(newest_attempt_);
-  for (v1::LogEvent& line : tail_->Take()) *heartbeat.add_log() = std::move(line);
+  units_.AddTo(&heartbeat);
+  for (v1::LogEvent& line : log_.tail->Take()) *heartbeat.add_log() = std::move(line);
   return heartbeat;
 }
 
@@ -300,9 +208,9 @@ void LeaseRunner::Leave(const std::string& reason) {
 }
 
 void LeaseRunner::BeginToLeave(const std::string& reason) {
-  if (leaving_) return;
-  leaving_ = true;
-  log_->info("event=leaving reason={} leases={}", reason, held_.size());
+  if (departure_.leaving) return;
+  departure_.leaving = true;
+  log_.log->info("event=leaving reason={} leases={}", reason, units_.held().size());
   v1::WorkerMessage message;
   message.mutable_leaving()->set_reason(reason);
   if (outbox_ != nullptr) outbox_->Send(std::move(message));
@@ -311,46 +219,44 @@ void LeaseRunner::BeginToLeave(const std::string& reason) {
 
 bool LeaseRunner::IsLeaving() const {
   absl::MutexLock lock(&mutex_);
-  return leaving_;
+  return departure_.leaving;
 }
 
 void LeaseRunner::OnMove(const v1::Move& move) {
-  const bool is_new = !move_.has_value() || (move.at_once() && !move_->at_once());
-  if (leaving_ || !is_new) return;
-  log_->info("event=moving address={} at_once={} leases={}", logging::Quoted(move.address()), move.at_once(),
-             held_.size());
-  move_ = move;
+  const bool is_new = !departure_.move.has_value() || (move.at_once() && !departure_.move->at_once());
+  if (departure_.leaving || !is_new) return;
+  log_.log->info("event=moving address={} at_once={} leases={}", logging::Quoted(move.address()),
+                 move.at_once(), units_.held().size());
+  departure_.move = move;
   HandBackWaiting();
 }
 
 bool LeaseRunner::IsMoving() const {
   absl::MutexLock lock(&mutex_);
-  return move_.has_value();
+  return departure_.move.has_value();
 }
 
 std::optional<std::string> LeaseRunner::TakeMove() {
   absl::MutexLock lock(&mutex_);
-  if (!move_.has_value()) return std::nullopt;
-  return std::exchange(move_, std::nullopt)->address();
+  if (!departure_.move.has_value()) return std::nullopt;
+  return std::exchange(departure_.move, std::nullopt)->address();
 }
 
 void LeaseRunner::HandBackUnfinished() {
   absl::MutexLock lock(&mutex_);
-  HandBack([this](const v1::Lease& lease) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    const auto taken = taken_.find(lease.attempt());
-    return taken == taken_.end() || !taken->second->is_delivered;
-  });
+  HandBack([this](const v1::Lease& lease)
+               ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return !units_.IsDelivered(lease); });
 }
 
 bool LeaseRunner::HasLeft() const {
   absl::MutexLock lock(&mutex_);
-  if (leaving_) return released_ && held_.empty();
-  return move_.has_value() && (move_->at_once() || held_.empty());
+  if (departure_.leaving) return departure_.released && units_.held().empty();
+  return departure_.move.has_value() && (departure_.move->at_once() || units_.held().empty());
 }
 
 absl::Time LeaseRunner::IdleSince() const {
   absl::MutexLock lock(&mutex_);
-  return held_.empty() ? idle_since_ : absl::InfiniteFuture();
+  return units_.IdleSince();
 }
 
 void LeaseRunner::RunThread() {
@@ -361,10 +267,7 @@ void LeaseRunner::RunThread() {
       absl::MutexLock lock(&mutex_);
       mutex_.Await(absl::Condition(this, &LeaseRunner::HasWorkOrStops));
       if (stopping_) return;
-      taken = std::move(waiting_.front());
-      waiting_.pop_front();
-      taken->has_thread = true;
-      taken_[taken->lease.attempt()] = taken;
+      taken = units_.TakeWaiting();
       job_id = taken->lease.unit().job_id();
     }
     const absl::Time start = rpc::MonotonicNow();
@@ -399,22 +302,17 @@ void LeaseRunner::Work(const TakenPtr& taken) {
 
 std::optional<v1::Lease> LeaseRunner::BeginTurn(const TakenPtr& taken) {
   absl::MutexLock lock(&mutex_);
-  if (IsCurrent(taken->lease, taken) && !taken->is_delivered) return taken->lease;
+  if (units_.IsCurrent(taken->lease, taken) && !taken->is_delivered) return taken->lease;
   taken->has_thread = false;
   return std::nullopt;
-}
-
-bool LeaseRunner::IsCurrent(const v1::Lease& lease, const TakenPtr& taken) const {
-  const auto found = taken_.find(lease.attempt());
-  return found != taken_.end() && found->second == taken;
 }
 
 bool LeaseRunner::MustRender(const v1::Lease& lease, const TakenPtr& taken,
                              const std::shared_ptr<const v1::JobSpec>& spec) {
   absl::MutexLock lock(&mutex_);
-  if (!IsCurrent(lease, taken)) return false;
+  if (!units_.IsCurrent(lease, taken)) return false;
   if (taken->spec != nullptr && taken->spec->SerializeAsString() != spec->SerializeAsString()) {
-    log_->info("event=unit_outdated {}", Describe(lease.unit()));
+    log_.log->info("event=unit_outdated {}", Describe(lease.unit()));
     taken->unit = nullptr;
     taken->was_in_hand = false;
   }
@@ -424,7 +322,8 @@ bool LeaseRunner::MustRender(const v1::Lease& lease, const TakenPtr& taken,
 
 void LeaseRunner::Keep(const TakenPtr& taken, RenderedUnit unit) {
   absl::MutexLock lock(&mutex_);
-  log_->debug("event=unit_rendered {} seconds={:.3f}", Describe(taken->lease.unit()), unit.stats.seconds());
+  log_.log->debug("event=unit_rendered {} seconds={:.3f}", Describe(taken->lease.unit()),
+                  unit.stats.seconds());
   ++totals_.units_rendered;
   totals_.samples += unit.stats.samples();
   totals_.rays += unit.stats.rays();
@@ -433,23 +332,24 @@ void LeaseRunner::Keep(const TakenPtr& taken, RenderedUnit unit) {
 
 void LeaseRunner::Fail(const v1::Lease& lease, const TakenPtr& taken, const absl::Status& failure) {
   absl::MutexLock lock(&mutex_);
-  if (!IsCurrent(lease, taken)) {
+  if (!units_.IsCurrent(lease, taken)) {
     if (taken->unit != nullptr) return;  // in hand all the same
-    std::erase(in_hand_, taken);
+    units_.ForgetInHand(taken);
     taken->spec = nullptr;  // a lease that it has got since begins afresh
     taken->was_in_hand = false;
     return;
   }
   ++totals_.failures[ReasonOf(failure)];
-  log_->error("event=unit_failed {} error={}", Describe(lease.unit()), logging::Quoted(failure.message()));
+  log_.log->error("event=unit_failed {} error={}", Describe(lease.unit()),
+                  logging::Quoted(failure.message()));
   // In this order: a heartbeat in between must not make the coordinator think that the lease was dropped.
-  SendFailure(lease, failure, tail_->Take(), outbox_.get());
-  RemoveHeld([&](const v1::Lease& held) { return IsLease(held, lease.unit(), lease.attempt()); });
+  SendFailure(lease, failure, log_.tail->Take(), outbox_.get());
+  units_.RemoveHeld([&](const v1::Lease& held) { return IsLease(held, lease.unit(), lease.attempt()); });
 }
 
 void LeaseRunner::EndJobOf(const v1::Lease& lease, const TakenPtr& taken) {
   absl::MutexLock lock(&mutex_);
-  if (IsCurrent(lease, taken)) OnJobEnded(lease.unit().job_id());
+  if (units_.IsCurrent(lease, taken)) OnJobEnded(lease.unit().job_id());
 }
 
 void LeaseRunner::Deliver(const v1::Lease& lease, const TakenPtr& taken) {
@@ -457,11 +357,11 @@ void LeaseRunner::Deliver(const v1::Lease& lease, const TakenPtr& taken) {
   std::shared_ptr<const RenderedUnit> unit;
   {
     absl::MutexLock lock(&mutex_);
-    if (!IsCurrent(lease, taken) || taken->unit == nullptr) return;
+    if (!units_.IsCurrent(lease, taken) || taken->unit == nullptr) return;
     taken->is_delivered = true;
     outbox = outbox_;
     unit = taken->unit;
-    if (taken->was_in_hand) log_->info("event=unit_kept {}", Describe(lease.unit()));
+    if (taken->was_in_hand) log_.log->info("event=unit_kept {}", Describe(lease.unit()));
   }
   int64_t bytes = 0;
   activities_.Change(Activity::kRendering, Activity::kSending, rpc::MonotonicNow());
@@ -478,13 +378,7 @@ monitoring::WorkerFigures LeaseRunner::Figures() const {
   const ThreadActivities::Times spent = activities_.Spent(rpc::MonotonicNow());
   absl::MutexLock lock(&mutex_);
   monitoring::WorkerFigures figures = totals_;
-  figures.units_in_hand = static_cast<int64_t>(in_hand_.size());
-  figures.leases = {{"waiting", 0}, {"rendering", 0}, {"delivered", 0}};
-  for (const v1::Lease& lease : held_) {
-    const auto taken = taken_.find(lease.attempt());
-    const bool is_taken = taken != taken_.end();
-    ++figures.leases[!is_taken ? "waiting" : taken->second->is_delivered ? "delivered" : "rendering"];
-  }
+  units_.AddTo(&figures);
   for (const auto& [activity, name] : {std::pair{Activity::kWaiting, "waiting"},
                                        {Activity::kRendering, "rendering"},
                                        {Activity::kSending, "sending"}})

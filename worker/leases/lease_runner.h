@@ -1,13 +1,10 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <thread>
-#include <utility>
 #include <vector>
 
 #include "absl/base/thread_annotations.h"
@@ -15,15 +12,12 @@
 #include "absl/time/time.h"
 #include "lumifold/v1/worker.pb.h"
 #include "worker/cache/spec_cache.h"
+#include "worker/leases/held_units.h"
 #include "worker/leases/thread_account.h"
 #include "worker/leases/thread_activities.h"
 #include "worker/leases/worker_log.h"
 #include "worker/metrics/worker_figures.h"
 #include "worker/units/unit_renderer.h"
-
-namespace spdlog {
-class logger;
-}
 
 namespace lumifold::worker {
 
@@ -100,25 +94,16 @@ class LeaseRunner {
   monitoring::WorkerFigures Figures() const;
 
  private:
-  /// A unit that is held, or in hand. All but `control` is guarded by mutex_.
-  struct Taken {
-    explicit Taken(v1::Lease own) : lease(std::move(own)) {}
-
-    UnitControl control;
-    v1::Lease lease;  // the last one that it had
-    /// What it is rendered with; null until that is known.
-    std::shared_ptr<const v1::JobSpec> spec;
-    /// Once it is rendered.
-    std::shared_ptr<const RenderedUnit> unit;
-    bool has_thread = false;
-    bool is_delivered = false;
-    bool was_in_hand = false;
+  /// How far it is with leaving or moving.
+  struct Departure {
+    bool leaving = false;
+    bool released = false;  // the coordinator has answered: no grant is under way
+    std::optional<v1::Move> move;
   };
-  using TakenPtr = std::shared_ptr<Taken>;
 
   void RunThread();
   void LogAccount(const std::string& job_id, absl::Duration spent) const;
-  bool HasWorkOrStops() const ABSL_SHARED_LOCKS_REQUIRED(mutex_) { return stopping_ || !waiting_.empty(); }
+  bool HasWorkOrStops() const ABSL_SHARED_LOCKS_REQUIRED(mutex_) { return stopping_ || units_.HasWaiting(); }
   void OnGrant(const v1::Grant& grant) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void OnAck(const v1::UnitAck& ack) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void OnVoidLeases(const v1::VoidLeases& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -131,8 +116,6 @@ class LeaseRunner {
   /// The lease for which the unit is to be delivered; nullopt, and the thread is done with it, if there is
   /// none.
   std::optional<v1::Lease> BeginTurn(const TakenPtr& taken);
-  /// Whether the lease is valid and the unit's.
-  bool IsCurrent(const v1::Lease& lease, const TakenPtr& taken) const ABSL_SHARED_LOCKS_REQUIRED(mutex_);
   /// Whether the unit must be rendered: it is not yet, or not with this spec, which it has from now on.
   bool MustRender(const v1::Lease& lease, const TakenPtr& taken,
                   const std::shared_ptr<const v1::JobSpec>& spec);
@@ -144,16 +127,6 @@ class LeaseRunner {
   void EndJobOf(const v1::Lease& lease, const TakenPtr& taken);
   void Deliver(const v1::Lease& lease, const TakenPtr& taken);
 
-  /// Stops a unit that is not wanted any more.
-  void Stop(const TakenPtr& taken) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  /// The unit in hand that is the one of the lease, which is not in hand any more; null if there is none.
-  TakenPtr TakeInHand(const v1::Lease& lease) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  /// Stops units in hand that meet the condition.
-  template <typename Condition>
-  void RemoveInHand(Condition condition) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  /// Removes held leases that meet the condition, and stops rendering their units.
-  template <typename Condition>
-  void RemoveHeld(Condition condition) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Removes held leases that meet the condition, and hands them back.
   template <typename Condition>
   void HandBack(Condition condition) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -162,9 +135,7 @@ class LeaseRunner {
 
   SpecCache* const specs_;
   UnitRenderer* const renderer_;
-  const std::shared_ptr<spdlog::logger> log_;
-  const std::shared_ptr<logging::JobLabels> labels_;
-  const std::shared_ptr<LogTail> tail_;
+  const WorkerLog log_;
   const uint64_t instance_;
   std::vector<std::thread> threads_;
   ThreadAccount account_;
@@ -172,19 +143,9 @@ class LeaseRunner {
 
   mutable absl::Mutex mutex_;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
-  bool leaving_ ABSL_GUARDED_BY(mutex_) = false;
-  bool released_ ABSL_GUARDED_BY(mutex_) = false;
+  Departure departure_ ABSL_GUARDED_BY(mutex_);
   std::shared_ptr<Outbox> outbox_ ABSL_GUARDED_BY(mutex_);
-  std::optional<v1::Move> move_ ABSL_GUARDED_BY(mutex_);
-  std::deque<TakenPtr> waiting_ ABSL_GUARDED_BY(mutex_);
-  std::vector<v1::Lease> held_ ABSL_GUARDED_BY(mutex_);
-  absl::Time idle_since_ ABSL_GUARDED_BY(mutex_);  // while held_ is empty
-  /// Held units that a thread has taken or that were in hand, by attempt.
-  std::map<int64_t, TakenPtr> taken_ ABSL_GUARDED_BY(mutex_);
-  /// Units of lost connections, the oldest first. Their attempts may be those of other coordinators.
-  std::vector<TakenPtr> in_hand_ ABSL_GUARDED_BY(mutex_);
-  int64_t past_progress_ ABSL_GUARDED_BY(mutex_) = 0;  // sum of those that were removed
-  int64_t newest_attempt_ ABSL_GUARDED_BY(mutex_) = 0;
+  HeldUnits units_ ABSL_GUARDED_BY(mutex_);
   monitoring::WorkerFigures totals_ ABSL_GUARDED_BY(mutex_);  // what only grows
 };
 

@@ -83,7 +83,7 @@ void AddMaterial(const Material& material, render::TextureRanges* ranges, SceneF
   if ((lobes.glossy || lobes.delta) && facts->glossy_material.empty())
     facts->glossy_material = NameOf(material);
   if (lobes.delta && facts->delta_material.empty()) facts->delta_material = NameOf(material);
-  facts->emitters |= material.unlit || MaxComponent(material.emission) > 0;
+  facts->emitters |= material.unlit || MaxComponent(material.emission.radiance) > 0;
 }
 
 /// Materials of the frame's surfaces, or of the whole file if the scene is animated.

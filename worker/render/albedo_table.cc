@@ -207,8 +207,8 @@ AlbedoTable::Contents AlbedoContentsOf(const scene::Scene& scene) {
   AlbedoTable::Contents contents;
   for (const scene::Material& material : scene.materials) {
     if (material.unlit) continue;
-    contents.sheen |= MaxComponent(material.sheen_color) > 0;
-    if (material.transmission > 0 && material.has_volume && material.roughness > 0)
+    contents.sheen |= MaxComponent(material.sheen.color) > 0;
+    if (material.transmission.factor > 0 && material.volume.is_solid && material.base.roughness > 0)
       contents.glass_iors.push_back(material.ior);
   }
   std::vector<float>& iors = contents.glass_iors;

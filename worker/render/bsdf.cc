@@ -61,7 +61,7 @@ Bsdf::Bsdf(const SurfaceMaterial& material, const AlbedoTable& table, Vec3 norma
     : table_(&table), frame_(normal), geometric_(geometric) {
   if (material.IsDiffuseOnly()) {
     diffuse_albedo_ = material.base_color;
-    p_diffuse_ = MaxComponent(diffuse_albedo_) > 0 ? 1.0f : 0.0f;
+    p_.diffuse = MaxComponent(diffuse_albedo_) > 0 ? 1.0f : 0.0f;
     return;
   }
   wo_ = LocalOnUpperSide(frame_, wo);
@@ -76,54 +76,55 @@ Bsdf::Bsdf(const SurfaceMaterial& material, const AlbedoTable& table, Vec3 norma
 
 /// Returns the fraction of the light that the coat passes to the layers below.
 float Bsdf::AddCoat(const SurfaceMaterial& material, Vec3 wo) {
-  coat_ = material.clearcoat;
-  coat_alpha_ = material.clearcoat_roughness * material.clearcoat_roughness;
-  coat_mirror_ = coat_alpha_ < kDeltaAlpha;
-  coat_normal_ = material.coat_normal;
-  coat_wo_ = LocalOnUpperSide(Frame(coat_normal_), wo);
-  if (coat_mirror_) {
-    coat_albedo_ = CoatFresnel(coat_, coat_wo_.z);
+  coat_.weight = material.clearcoat;
+  coat_.alpha = material.clearcoat_roughness * material.clearcoat_roughness;
+  coat_.mirror = coat_.alpha < kDeltaAlpha;
+  coat_.normal = material.coat_normal;
+  coat_.wo = LocalOnUpperSide(Frame(coat_.normal), wo);
+  if (coat_.mirror) {
+    coat_.albedo = CoatFresnel(coat_.weight, coat_.wo.z);
   } else {
-    const DirectionalAlbedo seen = table_->Lookup(coat_wo_.z, coat_alpha_);
-    coat_albedo_ = coat_ * (kCoatF0 * seen.scale + seen.bias);
+    const DirectionalAlbedo seen = table_->Lookup(coat_.wo.z, coat_.alpha);
+    coat_.albedo = coat_.weight * (kCoatF0 * seen.scale + seen.bias);
   }
-  return 1.0f - coat_albedo_;
+  return 1.0f - coat_.albedo;
 }
 
 /// Adds the sheen, which receives the fraction `share` of the light. Returns the fraction that it passes on.
 float Bsdf::AddSheen(const SurfaceMaterial& material, float share) {
-  sheen_alpha_ = std::max(material.sheen_roughness * material.sheen_roughness, kMinSheenAlpha);
-  sheen_color_ = material.sheen_color * share;
-  sheen_albedo_ = table_->Sheen(wo_.z, sheen_alpha_);
-  return share * (1.0f - std::min(MaxComponent(material.sheen_color) * sheen_albedo_, 1.0f));
+  sheen_.alpha = std::max(material.sheen_roughness * material.sheen_roughness, kMinSheenAlpha);
+  sheen_.color = material.sheen_color * share;
+  sheen_.albedo = table_->Sheen(wo_.z, sheen_.alpha);
+  return share * (1.0f - std::min(MaxComponent(material.sheen_color) * sheen_.albedo, 1.0f));
 }
 
 /// Adds metal and the diffuse base under its dielectric layer.
 void Bsdf::AddBase(const SurfaceMaterial& material) {
-  alpha_ = material.roughness * material.roughness;
-  mirror_ = alpha_ < kDeltaAlpha;
+  facets_.alpha = material.roughness * material.roughness;
+  facets_.mirror = facets_.alpha < kDeltaAlpha;
   const Vec3 f0 = material.specular_color * NormalReflectance(material.ior);
   const Vec3 dielectric =
       Vec3{std::min(f0.x, 1.0f), std::min(f0.y, 1.0f), std::min(f0.z, 1.0f)} * material.specular;
-  dielectric_f0_ = MaxComponent(dielectric);
-  dielectric_f90_ = material.specular;
+  dielectric_.f0 = MaxComponent(dielectric);
+  dielectric_.f90 = material.specular;
 
   const float metal = material.metallic;
   const float base_weight = (1.0f - metal) * (1.0f - material.transmission);
-  f0_ = dielectric * base_weight + material.base_color * metal;
-  const float f90 = dielectric_f90_ * base_weight + metal;
-  f90_ = {f90, f90, f90};
+  facets_.f0 = dielectric * base_weight + material.base_color * metal;
+  const float f90 = dielectric_.f90 * base_weight + metal;
+  facets_.f90 = {f90, f90, f90};
 
-  const DirectionalAlbedo seen = f90 > 0 ? table_->Lookup(wo_.z, alpha_) : DirectionalAlbedo{};
+  const DirectionalAlbedo seen = f90 > 0 ? table_->Lookup(wo_.z, facets_.alpha) : DirectionalAlbedo{};
   float dielectric_albedo = 0;
-  if (dielectric_f90_ > 0) {
-    const DirectionalAlbedo mean = table_->Average(alpha_);
-    dielectric_mean_albedo_ = dielectric_f0_ * mean.scale + dielectric_f90_ * mean.bias;
-    dielectric_albedo = std::min(dielectric_f0_ * seen.scale + dielectric_f90_ * seen.bias, 1.0f);
+  if (dielectric_.f90 > 0) {
+    const DirectionalAlbedo mean = table_->Average(facets_.alpha);
+    dielectric_.mean_albedo = dielectric_.f0 * mean.scale + dielectric_.f90 * mean.bias;
+    dielectric_albedo = std::min(dielectric_.f0 * seen.scale + dielectric_.f90 * seen.bias, 1.0f);
   }
   diffuse_albedo_ = material.base_color * (base_weight * (1.0f - dielectric_albedo));
-  facets_albedo_ = mirror_ ? SchlickFresnel(f0_, f90_, wo_.z) : f0_ * seen.scale + f90_ * seen.bias;
-  if (metal > 0 && !mirror_) CompensateMetal(material, seen);
+  facets_.albedo = facets_.mirror ? SchlickFresnel(facets_.f0, facets_.f90, wo_.z)
+                                  : facets_.f0 * seen.scale + facets_.f90 * seen.bias;
+  if (metal > 0 && !facets_.mirror) CompensateMetal(material, seen);
 }
 
 /// Scales metal's part of the albedo by 1 + F0 (1 - E) / E, with E the albedo at F0 = 1.
@@ -133,88 +134,90 @@ void Bsdf::CompensateMetal(const SurfaceMaterial& material, DirectionalAlbedo se
   const Vec3 b = material.base_color;
   const Vec3 compensation = b * (b * seen.scale + Vec3{seen.bias, seen.bias, seen.bias}) *
                             (material.metallic * (1.0f - whole) / whole);
-  const Vec3 single = facets_albedo_;
+  const Vec3 single = facets_.albedo;
   const Vec3 gain = Vec3{1, 1, 1} + Vec3{compensation.x / std::max(single.x, kMinAlbedo),
                                          compensation.y / std::max(single.y, kMinAlbedo),
                                          compensation.z / std::max(single.z, kMinAlbedo)};
-  f0_ *= gain;
-  f90_ *= gain;
-  facets_albedo_ *= gain;
+  facets_.f0 *= gain;
+  facets_.f90 *= gain;
+  facets_.albedo *= gain;
 }
 
 /// Reduces the light that metal and base receive to the fraction `share`.
 void Bsdf::ScaleMetalAndBase(float share) {
   diffuse_albedo_ *= share;
-  f0_ *= share;
-  f90_ *= share;
-  facets_albedo_ *= share;
+  facets_.f0 *= share;
+  facets_.f90 *= share;
+  facets_.albedo *= share;
 }
 
 /// Adds glass, which has the base's microfacets and receives the fraction `share` of the light.
 void Bsdf::AddGlass(const SurfaceMaterial& material, float share) {
-  thin_ = material.thin;
-  eta_ = !thin_ && material.inside ? 1.0f / material.ior : material.ior;
-  if (!thin_ && std::abs(material.ior - 1.0f) < kMinIorDifference) mirror_ = true;
+  glass_.thin = material.thin;
+  glass_.eta = !glass_.thin && material.inside ? 1.0f / material.ior : material.ior;
+  if (!glass_.thin && std::abs(material.ior - 1.0f) < kMinIorDifference) facets_.mirror = true;
   const float whole = (1.0f - material.metallic) * material.transmission * share;
-  glass_ = whole;
-  glass_tint_ = material.base_color;
-  if (!mirror_) {
-    const DirectionalAlbedo seen = table_->Lookup(wo_.z, alpha_);
-    glass_ /= thin_ ? seen.scale + seen.bias : table_->Glass(material.ior, material.inside, wo_.z, alpha_);
+  glass_.weight = whole;
+  glass_.tint = material.base_color;
+  if (!facets_.mirror) {
+    const DirectionalAlbedo seen = table_->Lookup(wo_.z, facets_.alpha);
+    glass_.weight /= glass_.thin ? seen.scale + seen.bias
+                                 : table_->Glass(material.ior, material.inside, wo_.z, facets_.alpha);
   }
   float cos_t = 0;
-  const float reflected = DielectricFresnel(wo_.z, eta_, &cos_t);
-  facets_albedo_ += (Vec3{reflected, reflected, reflected} + glass_tint_ * (1.0f - reflected)) * whole;
+  const float reflected = DielectricFresnel(wo_.z, glass_.eta, &cos_t);
+  facets_.albedo += (Vec3{reflected, reflected, reflected} + glass_.tint * (1.0f - reflected)) * whole;
 }
 
 void Bsdf::ChooseProbabilities() {
-  const float facets = LuminanceOf(facets_albedo_);
+  const float facets = LuminanceOf(facets_.albedo);
   const float diffuse = LuminanceOf(diffuse_albedo_);
-  const float sheen = sheen_albedo_ > 0 ? LuminanceOf(sheen_color_) * sheen_albedo_ : 0.0f;
-  const float rest = facets + coat_albedo_ + sheen;
+  const float sheen = sheen_.albedo > 0 ? LuminanceOf(sheen_.color) * sheen_.albedo : 0.0f;
+  const float rest = facets + coat_.albedo + sheen;
   if (diffuse + rest <= 0) return;
-  p_diffuse_ = diffuse > 0 ? std::max(diffuse / (diffuse + rest), kMinDiffuseProbability) : 0.0f;
+  p_.diffuse = diffuse > 0 ? std::max(diffuse / (diffuse + rest), kMinDiffuseProbability) : 0.0f;
   if (rest <= 0) return;
-  const float share = (1.0f - p_diffuse_) / rest;
-  p_facets_ = facets * share;
-  p_coat_ = coat_albedo_ * share;
-  p_sheen_ = sheen * share;
+  const float share = (1.0f - p_.diffuse) / rest;
+  p_.facets = facets * share;
+  p_.coat = coat_.albedo * share;
+  p_.sheen = sheen * share;
 }
 
 Vec3 Bsdf::GlossyAlbedo() const {
   Vec3 albedo = {0, 0, 0};
-  if (!mirror_) albedo = facets_albedo_;
-  if (p_coat_ > 0 && !coat_mirror_) albedo += Vec3{coat_albedo_, coat_albedo_, coat_albedo_};
-  if (p_sheen_ > 0) albedo += sheen_color_ * sheen_albedo_;
+  if (!facets_.mirror) albedo = facets_.albedo;
+  if (p_.coat > 0 && !coat_.mirror) albedo += Vec3{coat_.albedo, coat_.albedo, coat_.albedo};
+  if (p_.sheen > 0) albedo += sheen_.color * sheen_.albedo;
   return albedo;
 }
 
 Vec3 Bsdf::Albedo() const {
-  Vec3 albedo = diffuse_albedo_ + facets_albedo_;
-  if (p_coat_ > 0) albedo += Vec3{coat_albedo_, coat_albedo_, coat_albedo_};
-  if (p_sheen_ > 0) albedo += sheen_color_ * sheen_albedo_;
+  Vec3 albedo = diffuse_albedo_ + facets_.albedo;
+  if (p_.coat > 0) albedo += Vec3{coat_.albedo, coat_.albedo, coat_.albedo};
+  if (p_.sheen > 0) albedo += sheen_.color * sheen_.albedo;
   return albedo;
 }
 
 float Bsdf::ReflectionAlpha() const {
-  if (p_coat_ > p_facets_) return coat_alpha_;
-  return p_facets_ > 0 ? alpha_ : 1.0f;
+  if (p_.coat > p_.facets) return coat_.alpha;
+  return p_.facets > 0 ? facets_.alpha : 1.0f;
 }
 
 Vec3 Bsdf::StraightTransmittance() const {
-  if (glass_ <= 0 || !thin_ || !mirror_) return {0, 0, 0};
+  if (glass_.weight <= 0 || !glass_.thin || !facets_.mirror) return {0, 0, 0};
   return FresnelAt(wo_.z).transmitted;
 }
 
 Bsdf::Fresnel Bsdf::FresnelAt(float cos_h) const {
   Fresnel fresnel;
-  fresnel.reflected = SchlickFresnel(f0_, f90_, cos_h);
-  if (glass_ <= 0) return fresnel;
-  float reflectance = DielectricFresnel(cos_h, eta_, &fresnel.cos_t);
-  if (thin_) reflectance = 2.0f * reflectance / (1.0f + reflectance);  // interreflection between both faces
-  const float reflected = glass_ * reflectance;
+  fresnel.reflected = SchlickFresnel(facets_.f0, facets_.f90, cos_h);
+  if (glass_.weight <= 0) return fresnel;
+  float reflectance = DielectricFresnel(cos_h, glass_.eta, &fresnel.cos_t);
+  if (glass_.thin)
+    reflectance = 2.0f * reflectance / (1.0f + reflectance);  // interreflection between both faces
+  const float reflected = glass_.weight * reflectance;
   fresnel.reflected += {reflected, reflected, reflected};
-  fresnel.transmitted = glass_tint_ * (glass_ * (1.0f - reflectance));
+  fresnel.transmitted = glass_.tint * (glass_.weight * (1.0f - reflectance));
   const float r = LuminanceOf(fresnel.reflected);
   const float t = LuminanceOf(fresnel.transmitted);
   if (t > 0) fresnel.p_reflect = r / (r + t);
@@ -223,10 +226,10 @@ Bsdf::Fresnel Bsdf::FresnelAt(float cos_h) const {
 
 float Bsdf::DiffuseLobe(float cos_i) const {
   float coupling = 1;
-  if (dielectric_f90_ > 0) {
-    const DirectionalAlbedo albedo = table_->Lookup(cos_i, alpha_);
-    coupling = (1.0f - std::min(dielectric_f0_ * albedo.scale + dielectric_f90_ * albedo.bias, 1.0f)) /
-               (1.0f - dielectric_mean_albedo_);
+  if (dielectric_.f90 > 0) {
+    const DirectionalAlbedo albedo = table_->Lookup(cos_i, facets_.alpha);
+    coupling = (1.0f - std::min(dielectric_.f0 * albedo.scale + dielectric_.f90 * albedo.bias, 1.0f)) /
+               (1.0f - dielectric_.mean_albedo);
   }
   return coupling * cos_i / kPi;
 }
@@ -234,46 +237,47 @@ float Bsdf::DiffuseLobe(float cos_i) const {
 void Bsdf::EvaluateFacets(Vec3 wi, BsdfValue* value, float* pdf) const {
   const Vec3 h = Normalize(wi + wo_);
   const float cos_h = std::max(Dot(wo_, h), 1e-6f);
-  const float lobe = GgxDensity(h, alpha_) * GgxVisibility(wi.z, wo_.z, alpha_) * wi.z;
-  float probability = p_facets_;
-  if (glass_ > 0) {
+  const float lobe = GgxDensity(h, facets_.alpha) * GgxVisibility(wi.z, wo_.z, facets_.alpha) * wi.z;
+  float probability = p_.facets;
+  if (glass_.weight > 0) {
     const Fresnel fresnel = FresnelAt(cos_h);
     value->non_diffuse += fresnel.reflected * lobe;
     probability *= fresnel.p_reflect;
   } else {
-    value->non_diffuse += SchlickFresnel(f0_, f90_, cos_h) * lobe;
+    value->non_diffuse += SchlickFresnel(facets_.f0, facets_.f90, cos_h) * lobe;
   }
-  *pdf += probability * GgxVisibleDensity(wo_, h, alpha_) / (4.0f * cos_h);
+  *pdf += probability * GgxVisibleDensity(wo_, h, facets_.alpha) / (4.0f * cos_h);
 }
 
 /// `wi` lies below the surface.
 void Bsdf::EvaluateTransmission(Vec3 wi, BsdfValue* value, float* pdf) const {
   // A thin pane's second face undoes the refraction, so the transmitted lobe is the mirror image of the
   // reflected one.
-  const Vec3 h = thin_ ? Normalize(wo_ + Vec3{wi.x, wi.y, -wi.z}) : RefractionNormal(wo_, wi, eta_);
+  const Vec3 h =
+      glass_.thin ? Normalize(wo_ + Vec3{wi.x, wi.y, -wi.z}) : RefractionNormal(wo_, wi, glass_.eta);
   const float cos_h = Dot(wo_, h);
-  if (cos_h <= 0 || (!thin_ && Dot(wi, h) >= 0)) return;
+  if (cos_h <= 0 || (!glass_.thin && Dot(wi, h) >= 0)) return;
   const Fresnel fresnel = FresnelAt(cos_h);
-  const float jacobian = thin_ ? 1.0f / (4.0f * cos_h) : RefractionJacobian(wo_, wi, h, eta_);
-  const float density = GgxVisibleDensity(wo_, h, alpha_) * jacobian;
-  value->non_diffuse += fresnel.transmitted * (density * GgxShadowing(-wi.z, wo_.z, alpha_));
-  *pdf += p_facets_ * (1.0f - fresnel.p_reflect) * density;
+  const float jacobian = glass_.thin ? 1.0f / (4.0f * cos_h) : RefractionJacobian(wo_, wi, h, glass_.eta);
+  const float density = GgxVisibleDensity(wo_, h, facets_.alpha) * jacobian;
+  value->non_diffuse += fresnel.transmitted * (density * GgxShadowing(-wi.z, wo_.z, facets_.alpha));
+  *pdf += p_.facets * (1.0f - fresnel.p_reflect) * density;
 }
 
 void Bsdf::EvaluateCoat(Vec3 wi_world, BsdfValue* value, float* pdf) const {
-  const Vec3 wi = Frame(coat_normal_).ToLocal(wi_world);
+  const Vec3 wi = Frame(coat_.normal).ToLocal(wi_world);
   if (wi.z <= 0) return;
-  const Vec3 h = Normalize(wi + coat_wo_);
-  const float cos_h = std::max(Dot(coat_wo_, h), 1e-6f);
-  const float lobe = CoatFresnel(coat_, cos_h) * GgxDensity(h, coat_alpha_) *
-                     GgxVisibility(wi.z, coat_wo_.z, coat_alpha_) * wi.z;
+  const Vec3 h = Normalize(wi + coat_.wo);
+  const float cos_h = std::max(Dot(coat_.wo, h), 1e-6f);
+  const float lobe = CoatFresnel(coat_.weight, cos_h) * GgxDensity(h, coat_.alpha) *
+                     GgxVisibility(wi.z, coat_.wo.z, coat_.alpha) * wi.z;
   value->non_diffuse += {lobe, lobe, lobe};
-  *pdf += p_coat_ * GgxVisibleDensity(coat_wo_, h, coat_alpha_) / (4.0f * cos_h);
+  *pdf += p_.coat * GgxVisibleDensity(coat_.wo, h, coat_.alpha) / (4.0f * cos_h);
 }
 
 void Bsdf::EvaluateSheen(Vec3 wi, BsdfValue* value, float* pdf) const {
-  value->non_diffuse += sheen_color_ * SheenLobe(wi, wo_, sheen_alpha_);
-  *pdf += p_sheen_ / (2.0f * kPi);
+  value->non_diffuse += sheen_.color * SheenLobe(wi, wo_, sheen_.alpha);
+  *pdf += p_.sheen / (2.0f * kPi);
 }
 
 BsdfValue Bsdf::Evaluate(Vec3 wi_world, float* pdf) const {
@@ -282,17 +286,17 @@ BsdfValue Bsdf::Evaluate(Vec3 wi_world, float* pdf) const {
   *pdf = 0;
   const Vec3 wi = frame_.ToLocal(wi_world);
   if (Dot(wi_world, geometric_) <= 0) {
-    if (glass_ > 0 && !mirror_ && wi.z < 0) EvaluateTransmission(wi, &value, pdf);
+    if (glass_.weight > 0 && !facets_.mirror && wi.z < 0) EvaluateTransmission(wi, &value, pdf);
     return value;
   }
-  if (p_coat_ > 0 && !coat_mirror_) EvaluateCoat(wi_world, &value, pdf);
+  if (p_.coat > 0 && !coat_.mirror) EvaluateCoat(wi_world, &value, pdf);
   if (wi.z <= 0) return value;
-  if (p_diffuse_ > 0) {
+  if (p_.diffuse > 0) {
     value.diffuse = DiffuseLobe(wi.z);
-    *pdf += p_diffuse_ * wi.z / kPi;
+    *pdf += p_.diffuse * wi.z / kPi;
   }
-  if (p_facets_ > 0 && !mirror_) EvaluateFacets(wi, &value, pdf);
-  if (p_sheen_ > 0) EvaluateSheen(wi, &value, pdf);
+  if (p_.facets > 0 && !facets_.mirror) EvaluateFacets(wi, &value, pdf);
+  if (p_.sheen > 0) EvaluateSheen(wi, &value, pdf);
   return value;
 }
 
@@ -307,38 +311,40 @@ BsdfSample Bsdf::Reflection(const Fresnel& fresnel) const {
 
 BsdfSample Bsdf::Transmission(const Fresnel& fresnel) const {
   BsdfSample sample;
-  sample.wi = Normalize(frame_.ToWorld(thin_ ? -wo_ : Refract(wo_, {0, 0, 1}, eta_, fresnel.cos_t)));
+  sample.wi =
+      Normalize(frame_.ToWorld(glass_.thin ? -wo_ : Refract(wo_, {0, 0, 1}, glass_.eta, fresnel.cos_t)));
   sample.weight.non_diffuse = fresnel.transmitted;
   sample.is_delta = true;
   sample.transmitted = true;
-  sample.straight = thin_;
+  sample.straight = glass_.thin;
   sample.valid = Dot(sample.wi, geometric_) < 0;
   return sample;
 }
 
 BsdfSample Bsdf::DeltaReflection() const {
-  return mirror_ && p_facets_ > 0 ? Reflection(FresnelAt(wo_.z)) : BsdfSample{};
+  return facets_.mirror && p_.facets > 0 ? Reflection(FresnelAt(wo_.z)) : BsdfSample{};
 }
 
 BsdfSample Bsdf::DeltaTransmission() const {
-  if (!mirror_ || p_facets_ <= 0 || glass_ <= 0) return {};
+  if (!facets_.mirror || p_.facets <= 0 || glass_.weight <= 0) return {};
   return Transmission(FresnelAt(wo_.z));
 }
 
 BsdfSample Bsdf::SampleDelta(float u_lobe) const {
   const Fresnel fresnel = FresnelAt(wo_.z);
-  if (u_lobe < fresnel.p_reflect) return WithProbability(Reflection(fresnel), p_facets_ * fresnel.p_reflect);
-  return WithProbability(Transmission(fresnel), p_facets_ * (1.0f - fresnel.p_reflect));
+  if (u_lobe < fresnel.p_reflect) return WithProbability(Reflection(fresnel), p_.facets * fresnel.p_reflect);
+  return WithProbability(Transmission(fresnel), p_.facets * (1.0f - fresnel.p_reflect));
 }
 
 BsdfSample Bsdf::SampleFacets(float u_lobe, Vec2 u) const {
-  if (mirror_) return SampleDelta(u_lobe);
-  const Vec3 h = SampleGgxVisibleNormal(wo_, alpha_, u);
+  if (facets_.mirror) return SampleDelta(u_lobe);
+  const Vec3 h = SampleGgxVisibleNormal(wo_, facets_.alpha, u);
   const Vec3 mirrored = MirrorDirection(wo_, h);
-  const Fresnel fresnel = glass_ > 0 ? FresnelAt(std::max(Dot(wo_, h), 1e-6f)) : Fresnel{};
+  const Fresnel fresnel = glass_.weight > 0 ? FresnelAt(std::max(Dot(wo_, h), 1e-6f)) : Fresnel{};
   if (u_lobe < fresnel.p_reflect)
     return mirrored.z > 0 ? SampleTowards(frame_.ToWorld(mirrored)) : BsdfSample{};
-  const Vec3 wi = thin_ ? Vec3{mirrored.x, mirrored.y, -mirrored.z} : Refract(wo_, h, eta_, fresnel.cos_t);
+  const Vec3 wi =
+      glass_.thin ? Vec3{mirrored.x, mirrored.y, -mirrored.z} : Refract(wo_, h, glass_.eta, fresnel.cos_t);
   if (wi.z >= 0) return {};
   const Vec3 wi_world = Normalize(frame_.ToWorld(wi));
   if (Dot(wi_world, geometric_) >= 0) return {};
@@ -348,14 +354,14 @@ BsdfSample Bsdf::SampleFacets(float u_lobe, Vec2 u) const {
 }
 
 BsdfSample Bsdf::SampleCoat(Vec2 u) const {
-  const Frame frame(coat_normal_);
-  if (!coat_mirror_) {
-    const Vec3 wi = MirrorDirection(coat_wo_, SampleGgxVisibleNormal(coat_wo_, coat_alpha_, u));
+  const Frame frame(coat_.normal);
+  if (!coat_.mirror) {
+    const Vec3 wi = MirrorDirection(coat_.wo, SampleGgxVisibleNormal(coat_.wo, coat_.alpha, u));
     return wi.z > 0 ? SampleTowards(frame.ToWorld(wi)) : BsdfSample{};
   }
   BsdfSample sample;
-  sample.wi = frame.ToWorld({-coat_wo_.x, -coat_wo_.y, coat_wo_.z});
-  const float weight = coat_albedo_ / p_coat_;
+  sample.wi = frame.ToWorld({-coat_.wo.x, -coat_.wo.y, coat_.wo.z});
+  const float weight = coat_.albedo / p_.coat;
   sample.weight.non_diffuse = {weight, weight, weight};
   sample.is_delta = true;
   sample.valid = Dot(sample.wi, geometric_) > 0;
@@ -377,13 +383,13 @@ BsdfSample Bsdf::SampleTowards(Vec3 wi_world) const {
 
 BsdfSample Bsdf::Sample(float u_lobe, Vec2 u) const {
   if (IsDiffuseOnly()) return DiffuseBsdf(diffuse_albedo_, frame_.z, geometric_).Sample(u_lobe, u);
-  if (u_lobe < p_diffuse_) return SampleTowards(frame_.ToWorld(CosineDirection(u)));
+  if (u_lobe < p_.diffuse) return SampleTowards(frame_.ToWorld(CosineDirection(u)));
   // Rounding errors of the probabilities go to the last lobe that exists.
-  const float rest = u_lobe - p_diffuse_;
-  if (p_sheen_ > 0 && rest >= p_facets_ + p_coat_) return SampleSheen(u);
-  if (p_coat_ > 0 && rest >= p_facets_) return SampleCoat(u);
-  if (p_facets_ <= 0) return {};
-  return SampleFacets(std::min(rest / p_facets_, 0x1.fffffep-1f), u);
+  const float rest = u_lobe - p_.diffuse;
+  if (p_.sheen > 0 && rest >= p_.facets + p_.coat) return SampleSheen(u);
+  if (p_.coat > 0 && rest >= p_.facets) return SampleCoat(u);
+  if (p_.facets <= 0) return {};
+  return SampleFacets(std::min(rest / p_.facets, 0x1.fffffep-1f), u);
 }
 
 }  // namespace lumifold::render

@@ -71,12 +71,13 @@ class Bsdf {
 
   /// T, the exact multiplier of the diffuse lobe.
   Vec3 DiffuseAlbedo() const { return diffuse_albedo_; }
-  bool HasDiffuse() const { return p_diffuse_ > 0; }
+  bool HasDiffuse() const { return p_.diffuse > 0; }
   /// Approximate directional albedo of all lobes together; 0 only if there are none.
   Vec3 Albedo() const;
   /// Whether Evaluate() can be above 0: false for perfect mirrors and smooth glass.
   bool HasNonDeltaLobe() const {
-    return p_diffuse_ > 0 || (p_facets_ > 0 && !mirror_) || (p_coat_ > 0 && !coat_mirror_) || p_sheen_ > 0;
+    return p_.diffuse > 0 || (p_.facets > 0 && !facets_.mirror) || (p_.coat > 0 && !coat_.mirror) ||
+           p_.sheen > 0;
   }
 
   /// S: the directional albedo of all glossy lobes; above 0 in each channel in which there is one.
@@ -86,10 +87,12 @@ class Bsdf {
 
   /// Whether there are both a delta reflection and a delta transmission, and no mirror-like coat.
   bool IsSmoothGlass() const {
-    return mirror_ && p_facets_ > 0 && glass_ > 0 && !(p_coat_ > 0 && coat_mirror_);
+    return facets_.mirror && p_.facets > 0 && glass_.weight > 0 && !(p_.coat > 0 && coat_.mirror);
   }
   /// The probability that Sample() returns a delta event.
-  float DeltaProbability() const { return (mirror_ ? p_facets_ : 0.0f) + (coat_mirror_ ? p_coat_ : 0.0f); }
+  float DeltaProbability() const {
+    return (facets_.mirror ? p_.facets : 0.0f) + (coat_.mirror ? p_.coat : 0.0f);
+  }
   /// The delta events of metal, base and glass. Their weight is the reflectance or transmittance, not divided
   /// by a probability; invalid if there is no such event.
   BsdfSample DeltaReflection() const;
@@ -113,6 +116,49 @@ class Bsdf {
     float cos_t = 0;  // between the refracted ray and the microfacet's normal
   };
 
+  /// Microfacets of metal and of the dielectric layer (Schlick's Fresnel), and of glass.
+  struct Facets {
+    float alpha = 1;
+    bool mirror = false;
+    Vec3 f0 = {0, 0, 0};
+    Vec3 f90 = {0, 0, 0};
+    Vec3 albedo = {0, 0, 0};  // approximate for glass
+  };
+  /// The dielectric layer over the diffuse base.
+  struct Dielectric {
+    float f0 = 0;
+    float f90 = 0;
+    float mean_albedo = 0;
+  };
+  struct Glass {
+    float weight = 0;  // energy compensation included
+    Vec3 tint = {0, 0, 0};
+    float eta = 1;  // index of the far side over that of the near side
+    bool thin = false;
+  };
+  /// Read only if its probability is above 0.
+  struct Coat {
+    float alpha = 0;
+    float weight = 0;
+    float albedo = 0;
+    bool mirror = false;
+    Vec3 normal;
+    Vec3 wo;  // in the coat's frame
+  };
+  /// Read only if its probability is above 0.
+  struct Sheen {
+    float alpha = 1;
+    float albedo = 0;
+    Vec3 color;
+  };
+  /// Of sampling each lobe.
+  struct Probabilities {
+    float diffuse = 0;
+    float facets = 0;
+    float coat = 0;
+    float sheen = 0;
+  };
+
   float AddCoat(const SurfaceMaterial& material, Vec3 wo);
   float AddSheen(const SurfaceMaterial& material, float share);
   void AddBase(const SurfaceMaterial& material);
@@ -128,7 +174,7 @@ class Bsdf {
   void EvaluateCoat(Vec3 wi_world, BsdfValue* value, float* pdf) const;
   void EvaluateSheen(Vec3 wi, BsdfValue* value, float* pdf) const;
 
-  bool IsDiffuseOnly() const { return p_diffuse_ >= 1 && dielectric_f90_ <= 0; }
+  bool IsDiffuseOnly() const { return p_.diffuse >= 1 && dielectric_.f90 <= 0; }
   BsdfSample SampleFacets(float u_lobe, Vec2 u) const;
   BsdfSample SampleDelta(float u_lobe) const;
   BsdfSample Reflection(const Fresnel& fresnel) const;
@@ -143,35 +189,12 @@ class Bsdf {
   Vec3 wo_;  // in the shading frame; not set if the only lobe is diffuse
   Vec3 diffuse_albedo_ = {0, 0, 0};
 
-  // Microfacets of metal and of the dielectric layer (Schlick's Fresnel), and of glass.
-  float alpha_ = 1;
-  bool mirror_ = false;
-  bool thin_ = false;
-  Vec3 f0_ = {0, 0, 0};
-  Vec3 f90_ = {0, 0, 0};
-  Vec3 facets_albedo_ = {0, 0, 0};  // approximate for glass
-  float dielectric_f0_ = 0;         // of the dielectric layer over the diffuse base
-  float dielectric_f90_ = 0;
-  float dielectric_mean_albedo_ = 0;
-  float glass_ = 0;  // weight, energy compensation included
-  Vec3 glass_tint_ = {0, 0, 0};
-  float eta_ = 1;  // index of the far side over that of the near side
-
-  // Coat and sheen; read only if their probability is above 0.
-  float coat_alpha_ = 0;
-  float coat_ = 0;
-  float coat_albedo_ = 0;
-  bool coat_mirror_ = false;
-  Vec3 coat_normal_;
-  Vec3 coat_wo_;  // in the coat's frame
-  float sheen_alpha_ = 1;
-  float sheen_albedo_ = 0;
-  Vec3 sheen_color_;
-
-  float p_diffuse_ = 0;
-  float p_facets_ = 0;
-  float p_coat_ = 0;
-  float p_sheen_ = 0;
+  Facets facets_;
+  Dielectric dielectric_;
+  Glass glass_;
+  Coat coat_;
+  Sheen sheen_;
+  Probabilities p_;
 };
 
 }  // namespace lumifold::render

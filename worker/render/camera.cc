@@ -17,13 +17,11 @@ constexpr float kSensorHeight = 0.024f;
 
 PictureCamera::PictureCamera(const scene::Camera& camera, const Lens& lens, const FrameWindow& frame,
                              const PixelFilter& filter)
-    : frame_(frame),
-      filter_(filter),
-      perspective_(camera.kind == scene::Camera::Kind::kPerspective),
-      position_(camera.world_from_camera.origin) {
+    : frame_(frame), filter_(filter), perspective_(camera.kind == scene::Camera::Kind::kPerspective) {
+  pose_.position = camera.world_from_camera.origin;
   const Vec3 right = Normalize(camera.world_from_camera.x);
   const Vec3 up = Normalize(camera.world_from_camera.y);
-  forward_ = -Normalize(camera.world_from_camera.z);
+  pose_.forward = -Normalize(camera.world_from_camera.z);
   const float aspect = static_cast<float>(frame.frame_width) / static_cast<float>(frame.frame_height);
   float half_height = camera.ymag;
   if (perspective_) {
@@ -33,29 +31,29 @@ PictureCamera::PictureCamera(const scene::Camera& camera, const Lens& lens, cons
     half_height = sin_half / cos_half;
   }
   const float half_width = half_height * aspect;
-  right_ = right;
-  up_ = up;
-  half_width_ = half_width;
-  half_height_ = half_height;
-  step_x_ = right * (2 * half_width / static_cast<float>(frame.frame_width));
-  pixel_ = 2 * half_height / static_cast<float>(frame.frame_height);
-  step_y_ = up * -pixel_;
-  corner_ = up * half_height - right * half_width;
+  pose_.right = right;
+  pose_.up = up;
+  plane_.half_width = half_width;
+  plane_.half_height = half_height;
+  plane_.step_x = right * (2 * half_width / static_cast<float>(frame.frame_width));
+  plane_.pixel = 2 * half_height / static_cast<float>(frame.frame_height);
+  plane_.step_y = up * -plane_.pixel;
+  plane_.corner = up * half_height - right * half_width;
   if (!perspective_) return;
-  corner_ += forward_;
+  plane_.corner += pose_.forward;
   if (lens.f_stop <= 0) return;
   const float focal_length = 0.5f * kSensorHeight / half_height;
   const float radius = focal_length / (2 * lens.f_stop);
-  focus_ = lens.focus_metres;
-  lens_x_ = right * radius;
-  lens_y_ = up * radius;
+  lens_.focus = lens.focus_metres;
+  lens_.x = right * radius;
+  lens_.y = up * radius;
   has_lens_ = true;
 }
 
 PictureCamera::Matrix PictureCamera::WorldToCamera() const {
-  const Vec3& r = right_;
-  const Vec3& u = up_;
-  const Vec3 b = -forward_;
+  const Vec3& r = pose_.right;
+  const Vec3& u = pose_.up;
+  const Vec3 b = -pose_.forward;
   return {r.x,
           u.x,
           b.x,
@@ -68,9 +66,9 @@ PictureCamera::Matrix PictureCamera::WorldToCamera() const {
           u.z,
           b.z,
           0,  //
-          -Dot(r, position_),
-          -Dot(u, position_),
-          -Dot(b, position_),
+          -Dot(r, pose_.position),
+          -Dot(u, pose_.position),
+          -Dot(b, pose_.position),
           1};
 }
 
@@ -78,8 +76,8 @@ PictureCamera::Matrix PictureCamera::WorldToNdc() const {
   // Depth is -1 in the near plane and goes to 1 with the distance; no ray depends on it.
   constexpr float kNear = 0.01f;
   Matrix projection = {};
-  projection[0] = 1 / half_width_;
-  projection[5] = 1 / half_height_;
+  projection[0] = 1 / plane_.half_width;
+  projection[5] = 1 / plane_.half_height;
   projection[10] = -1;
   projection[11] = perspective_ ? -1.0f : 0.0f;
   projection[14] = perspective_ ? -2 * kNear : 0.0f;
@@ -96,22 +94,22 @@ PictureCamera::Matrix PictureCamera::WorldToNdc() const {
 }
 
 void PictureCamera::SetRay(Vec2 point, Vec2 lens, float pixels, Ray* ray) const {
-  const Vec3 offset = corner_ + step_x_ * point.x + step_y_ * point.y;
+  const Vec3 offset = plane_.corner + plane_.step_x * point.x + plane_.step_y * point.y;
   if (!perspective_) {
-    ray->origin = position_ + offset;
-    ray->direction = forward_;
-    ray->width = pixels * pixel_;
+    ray->origin = pose_.position + offset;
+    ray->direction = pose_.forward;
+    ray->width = pixels * plane_.pixel;
     return;
   }
   const float stretch = 1.0f / Length(offset);
-  ray->origin = position_;
+  ray->origin = pose_.position;
   ray->direction = offset * stretch;
-  ray->spread = pixels * pixel_ * stretch;
+  ray->spread = pixels * plane_.pixel * stretch;
   if (!has_lens_) return;
   const Vec2 disk = ConcentricDisk(lens);
-  const Vec3 shift = lens_x_ * disk.x + lens_y_ * disk.y;
+  const Vec3 shift = lens_.x * disk.x + lens_.y * disk.y;
   ray->origin += shift;
-  ray->direction = Normalize(offset * focus_ - shift);
+  ray->direction = Normalize(offset * lens_.focus - shift);
 }
 
 }  // namespace lumifold::render

@@ -64,28 +64,38 @@ class PictureCamera {
   Matrix WorldToNdc() const;
 
   /// Distance of a world point from the camera along the view axis.
-  float PlanarDepth(scene::Vec3 p) const { return Dot(p - position_, forward_); }
+  float PlanarDepth(scene::Vec3 p) const { return Dot(p - pose_.position, pose_.forward); }
 
  private:
+  /// Where the camera stands and looks, in world space.
+  struct Pose {
+    scene::Vec3 position;
+    scene::Vec3 right;
+    scene::Vec3 up;
+    scene::Vec3 forward;
+  };
+  /// The frame at distance 1 (perspective) or in the camera's plane.
+  struct ImagePlane {
+    float half_width = 1;
+    float half_height = 1;
+    scene::Vec3 corner;  // top left, relative to the position
+    scene::Vec3 step_x;  // one pixel to the right
+    scene::Vec3 step_y;  // one pixel down
+    float pixel = 0;     // length of step_y
+  };
+  struct Aperture {
+    float focus = 1;  // as Lens::focus_metres
+    scene::Vec3 x;    // the lens's radius, to the right
+    scene::Vec3 y;    // the lens's radius, up
+  };
+
   FrameWindow frame_;
   PixelFilter filter_;
   bool perspective_;
-  scene::Vec3 position_;
-  scene::Vec3 right_;
-  scene::Vec3 up_;
-  scene::Vec3 forward_;
-  float half_width_ = 1;  // of the frame, at distance 1 or in the camera's plane
-  float half_height_ = 1;
-  /// The frame's top left corner at distance 1 (perspective) or in the camera's plane, relative to
-  /// position_.
-  scene::Vec3 corner_;
-  scene::Vec3 step_x_;  // one pixel to the right
-  scene::Vec3 step_y_;  // one pixel down
-  float pixel_ = 0;     // length of step_y_
+  Pose pose_;
+  ImagePlane plane_;
   bool has_lens_ = false;
-  float focus_ = 1;
-  scene::Vec3 lens_x_;  // the lens's radius, to the right
-  scene::Vec3 lens_y_;  // the lens's radius, up
+  Aperture lens_;
 };
 
 }  // namespace lumifold::render

@@ -22,7 +22,9 @@ constexpr size_t kMaxEmittersWithoutTree = 32;
 /// Finite and infinite lights each get at least this fraction of the samples.
 constexpr double kMinShare = 0.25;
 
-bool IsEmissive(const Material& material) { return !material.unlit && MaxComponent(material.emission) > 0; }
+bool IsEmissive(const Material& material) {
+  return !material.unlit && MaxComponent(material.emission.radiance) > 0;
+}
 
 Vec2 Interpolate(const Vec2 corners[3], float b1, float b2) {
   return corners[0] * (1.0f - b1 - b2) + corners[1] * b1 + corners[2] * b2;
@@ -94,15 +96,15 @@ void LightSet::AddInstance(const scene::Scene& scene, int index, const TextureSa
   if (mesh.material == scene::kNone) return;
   const Material& material = scene.materials[mesh.material];
   if (!IsEmissive(material)) return;
-  const Vec3 mean = material.emission * textures.Mean(material.emission_texture, /*srgb=*/true);
+  const Vec3 mean = material.emission.radiance * textures.Mean(material.emission.texture, /*srgb=*/true);
   const double luminance =
       static_cast<double>(Luminance(mean.x, mean.y, mean.z)) * (material.double_sided ? 2 : 1);
   first_of_instance_[index] = static_cast<int64_t>(triangles_.size());
   for (size_t t = 0; t + 2 < mesh.triangles.size(); t += 3) {
     AddTriangle(mesh, t, instance.world_from_object, luminance, powers);
-    triangles_.back().radiance = material.emission;
+    triangles_.back().radiance = material.emission.radiance;
     triangles_.back().double_sided = material.double_sided;
-    if (material.emission_texture.texture != scene::kNone) triangles_.back().textured = &material;
+    if (material.emission.texture.texture != scene::kNone) triangles_.back().textured = &material;
     if (material.alpha_mode != scene::AlphaMode::kOpaque) triangles_.back().alpha_mesh = &mesh;
     triangles_.back().number = static_cast<uint32_t>(t / 3);
   }
@@ -210,7 +212,7 @@ LightSample LightSet::SampleTriangle(const Triangle& light, float probability, V
   sample.radiance = light.radiance;
   if (light.textured != nullptr) {
     const Vec2 uv[2] = {Interpolate(light.uv[0], b1, b2), Interpolate(light.uv[1], b1, b2)};
-    const scene::Vec4 t = textures_->Sample(light.textured->emission_texture, uv, /*srgb=*/true);
+    const scene::Vec4 t = textures_->Sample(light.textured->emission.texture, uv, /*srgb=*/true);
     sample.radiance *= Vec3{t.x, t.y, t.z};
   }
   // Rays hit a half-transparent light with its opacity as probability; for light samples it is a factor.

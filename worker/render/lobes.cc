@@ -22,16 +22,17 @@ void AddBoundary(ValueRange roughness, LobeSet* lobes) {
 LobeSet LobesOf(const scene::Material& m, TextureRanges* ranges) {
   LobeSet lobes;
   if (m.unlit) return lobes;
-  const ValueRange metallic = ranges->Of(m.metallic_roughness_texture, 2) * m.metallic;
-  const ValueRange transmission = ranges->Of(m.transmission_texture, 0) * m.transmission;
-  const ValueRange specular = ranges->Of(m.specular_texture, 3) * m.specular;
-  lobes.diffuse = metallic.min < 1 && transmission.min < 1 && MaxComponent(m.base_color) > 0;
+  const ValueRange metallic = ranges->Of(m.base.metallic_roughness_texture, 2) * m.base.metallic;
+  const ValueRange transmission = ranges->Of(m.transmission.texture, 0) * m.transmission.factor;
+  const ValueRange specular = ranges->Of(m.specular.factor_texture, 3) * m.specular.factor;
+  lobes.diffuse = metallic.min < 1 && transmission.min < 1 && MaxComponent(m.base.color) > 0;
   if (metallic.max > 0 || transmission.max > 0 || specular.max > 0)
-    AddBoundary(ranges->Of(m.metallic_roughness_texture, 1) * m.roughness, &lobes);
-  if (transmission.max > 0 && m.has_volume && std::abs(m.ior - 1.0f) < kMinIorDifference) lobes.delta = true;
-  if ((ranges->Of(m.clearcoat_texture, 0) * m.clearcoat).max > 0)
-    AddBoundary(ranges->Of(m.clearcoat_roughness_texture, 1) * m.clearcoat_roughness, &lobes);
-  if (MaxComponent(m.sheen_color) > 0) lobes.glossy = true;
+    AddBoundary(ranges->Of(m.base.metallic_roughness_texture, 1) * m.base.roughness, &lobes);
+  if (transmission.max > 0 && m.volume.is_solid && std::abs(m.ior - 1.0f) < kMinIorDifference)
+    lobes.delta = true;
+  if ((ranges->Of(m.clearcoat.factor_texture, 0) * m.clearcoat.factor).max > 0)
+    AddBoundary(ranges->Of(m.clearcoat.roughness_texture, 1) * m.clearcoat.roughness, &lobes);
+  if (MaxComponent(m.sheen.color) > 0) lobes.glossy = true;
   return lobes;
 }
 

@@ -14,20 +14,21 @@ using scene::Scene;
 
 bool HasAlpha(const Material& material, const Mesh& mesh) {
   return material.alpha_mode != scene::AlphaMode::kOpaque &&
-         (material.alpha < 1 || material.base_color_texture.texture != scene::kNone || !mesh.colors.empty());
+         (material.base.alpha < 1 || material.base.color_texture.texture != scene::kNone ||
+          !mesh.colors.empty());
 }
 
 /// Whether Bsdf::StraightTransmittance may be above 0 anywhere on the material.
 bool MayBeClearPane(const Material& material) {
-  const bool smooth = material.roughness * material.roughness < kDeltaAlpha ||
-                      material.metallic_roughness_texture.texture != scene::kNone;
-  return material.transmission > 0 && !material.has_volume && !material.unlit && smooth;
+  const bool smooth = material.base.roughness * material.base.roughness < kDeltaAlpha ||
+                      material.base.metallic_roughness_texture.texture != scene::kNone;
+  return material.transmission.factor > 0 && !material.volume.is_solid && !material.unlit && smooth;
 }
 
 /// Whether every point of the mesh has opacity 1.
 bool IsOpaqueEverywhere(const Material& material, const Mesh& mesh, TextureRanges* ranges) {
   constexpr float kRounding = 1e-5f;  // interpolated alpha may lie below the least of the texels
-  float least = material.alpha * ranges->Of(material.base_color_texture, 3).min;
+  float least = material.base.alpha * ranges->Of(material.base.color_texture, 3).min;
   if (!mesh.colors.empty()) {
     const auto lowest =
         std::min_element(mesh.colors.begin(), mesh.colors.end(),
@@ -65,12 +66,12 @@ float OpacityAt(const Scene& scene, const Mesh& mesh, uint32_t triangle, float u
   if (!HasAlpha(material, mesh)) return 1;
   const uint32_t* corners = &mesh.triangles[static_cast<size_t>(triangle) * 3];
   const float w = 1.0f - u - v;
-  float alpha = material.alpha;
+  float alpha = material.base.alpha;
   if (!mesh.colors.empty()) {
     const auto at = [&](int corner) { return mesh.colors[corners[corner]].w; };
     alpha *= at(0) * w + at(1) * u + at(2) * v;
   }
-  const scene::TextureRef& ref = material.base_color_texture;
+  const scene::TextureRef& ref = material.base.color_texture;
   if (ref.texture != scene::kNone) {
     scene::Vec2 uv;
     const auto& uvs = mesh.uvs[ref.uv_set];

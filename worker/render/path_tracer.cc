@@ -50,15 +50,15 @@ void SetShadowRay(const Surface& surface, const LightSample& sample, Ray* ray) {
 
 /// Transmittance of `distance` metres inside a volume, by Beer's law.
 Vec3 VolumeTransmittance(const scene::Material& material, float distance) {
-  if (material.attenuation_distance <= 0) return {1, 1, 1};
-  const float lengths = distance / material.attenuation_distance;
-  const Vec3 c = material.attenuation_color;
+  if (material.volume.attenuation_distance <= 0) return {1, 1, 1};
+  const float lengths = distance / material.volume.attenuation_distance;
+  const Vec3 c = material.volume.attenuation_color;
   return {Pow(c.x, lengths), Pow(c.y, lengths), Pow(c.z, lengths)};
 }
 
 /// Attenuates `throughput` by the volume that the ray to `surface` has crossed.
 void Attenuate(const Surface& surface, const Hit& hit, Vec3* throughput) {
-  if (!surface.front && surface.material->has_volume)
+  if (!surface.front && surface.material->volume.is_solid)
     *throughput *= VolumeTransmittance(*surface.material, hit.distance);
 }
 

@@ -8,7 +8,7 @@
 #include <arm_neon.h>
 #else
 #error \
-    "Embree knows x86-64 and arm64 only: another processor needs its instructions here, and a numeric class of its own"
+    "Embree knows x86-64 and arm64 only: another processor needs its instructions and a numeric class"
 #endif
 
 namespace lumifold::render {

@@ -75,11 +75,10 @@ class Renderer {
 
   /// Traces `tile_samples` in the pixels of `rect` (within the frame) and returns their sums.
   /// Shapes: rect's size; channels, as far as the plan's layers go: for each of layers::kHalved its halves
-  /// *_a
-  ///         and *_b; layers::kWhole (sums over both halves); samples_a.Y, samples_b.Y (finite samples); and
-  ///         layers::LevelPassChannels of each level that any sample has reached. Fragments (see EdgedImage) of the
-  ///         edge pixels of RenderGeometry, which are found by four rays a pixel where the tile's mask is not kept;
-  ///         counts->rays has none of these.
+  ///         *_a and *_b; layers::kWhole (sums over both halves); samples_a.Y, samples_b.Y (finite samples);
+  ///         and layers::LevelPassChannels of each level that any sample has reached. Fragments (see
+  ///         EdgedImage) of the edge pixels of RenderGeometry, which are found by four rays a pixel where the
+  ///         tile's mask is not kept; counts->rays has none of these.
   /// Once counts->stop is true it returns within a packet of rays; the result is then incomplete.
   EdgedImage RenderPass(const Rect& rect, int frame, const TileSamples& tile_samples,
                         RenderCounts* counts) const;

@@ -93,11 +93,11 @@ SurfaceReader::InstanceData SurfaceReader::DataOf(const scene::Scene& scene, siz
   data.mesh = &mesh;
   data.material = mesh.material == scene::kNone ? &default_material_ : &scene.materials[mesh.material];
   data.is_textured = HasTextures(*data.material);
-  data.is_emissive = data.material->unlit || MaxComponent(data.material->emission) > 0;
+  data.is_emissive = data.material->unlit || MaxComponent(data.material->emission.radiance) > 0;
   const bool is_uniform = !data.is_textured && mesh.colors.empty();
   data.is_plain = is_uniform && IsFlat(mesh);
   // The values of glass and coats depend on the side and the normal.
-  if (is_uniform && data.material->transmission <= 0 && data.material->clearcoat <= 0) {
+  if (is_uniform && data.material->transmission.factor <= 0 && data.material->clearcoat.factor <= 0) {
     Surface anywhere;
     anywhere.material = data.material;
     uniform_[mesh_index] = Shade(anywhere);
@@ -124,7 +124,7 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
     surface.cone_spread = ray.spread;
   }
   surface.normal = surface.geometric;
-  if (surface.material->clearcoat > 0) surface.coat_normal = surface.geometric;
+  if (surface.material->clearcoat.factor > 0) surface.coat_normal = surface.geometric;
   if (!instance.is_plain) ReadCorners(instance, hit, ray, &surface);
   return surface;
 }
@@ -151,23 +151,24 @@ void SurfaceReader::ReadCorners(const InstanceData& instance, const Hit& hit, co
   const Vec3 unmapped = surface->normal;
   const scene::Material& material = *surface->material;
   // The loader creates tangents for every mesh that has the texture coordinates of its normal map.
-  if (material.normal_texture.texture != scene::kNone && !mesh.tangents.empty()) {
-    surface->normal =
-        MappedNormal(material.normal_texture, material.normal_scale, instance, hit, *surface, unmapped);
+  if (material.normal_map.texture.texture != scene::kNone && !mesh.tangents.empty()) {
+    surface->normal = MappedNormal(material.normal_map.texture, material.normal_map.scale, instance, hit,
+                                   *surface, unmapped);
   }
   surface->normal = FaceViewer(surface->normal, -ray.direction);
-  if (material.clearcoat > 0) surface->coat_normal = CoatNormal(instance, hit, *surface, unmapped, ray);
+  if (material.clearcoat.factor > 0)
+    surface->coat_normal = CoatNormal(instance, hit, *surface, unmapped, ray);
 }
 
 Vec3 SurfaceReader::CoatNormal(const InstanceData& instance, const Hit& hit, const Surface& surface,
                                Vec3 unmapped, const Ray& ray) const {
   const scene::Material& material = *surface.material;
   const bool is_mapped =
-      material.clearcoat_normal_texture.texture != scene::kNone && !instance.mesh->tangents.empty();
-  const Vec3 normal = is_mapped
-                          ? MappedNormal(material.clearcoat_normal_texture, material.clearcoat_normal_scale,
-                                         instance, hit, surface, unmapped)
-                          : unmapped;
+      material.clearcoat.normal_map.texture.texture != scene::kNone && !instance.mesh->tangents.empty();
+  const Vec3 normal =
+      is_mapped ? MappedNormal(material.clearcoat.normal_map.texture, material.clearcoat.normal_map.scale,
+                               instance, hit, surface, unmapped)
+                : unmapped;
   return FaceViewer(normal, -ray.direction);
 }
 
@@ -235,8 +236,8 @@ Vec4 SurfaceReader::Data(const scene::TextureRef& ref, const Surface& surface) c
 
 Vec3 SurfaceReader::BaseColor(const Surface& surface) const {
   const scene::Material& m = *surface.material;
-  const Vec3 color = m.base_color * surface.vertex_color;
-  return m.base_color_texture.texture == scene::kNone ? color : color * Color(m.base_color_texture, surface);
+  const Vec3 color = m.base.color * surface.vertex_color;
+  return m.base.color_texture.texture == scene::kNone ? color : color * Color(m.base.color_texture, surface);
 }
 
 SurfaceMaterial SurfaceReader::Shade(const Surface& surface) const {
@@ -248,41 +249,41 @@ SurfaceMaterial SurfaceReader::Shade(const Surface& surface) const {
     return out;
   }
   out.base_color = BaseColor(surface);
-  out.metallic = m.metallic;
-  out.roughness = m.roughness;
-  if (m.metallic_roughness_texture.texture != scene::kNone) {
-    const Vec4 t = Data(m.metallic_roughness_texture, surface);
+  out.metallic = m.base.metallic;
+  out.roughness = m.base.roughness;
+  if (m.base.metallic_roughness_texture.texture != scene::kNone) {
+    const Vec4 t = Data(m.base.metallic_roughness_texture, surface);
     out.roughness *= t.y;
     out.metallic *= t.z;
   }
   out.ior = m.ior;
-  out.specular = m.specular * Data(m.specular_texture, surface).w;
-  out.specular_color = m.specular_color * Color(m.specular_color_texture, surface);
-  if (m.transmission > 0) {
-    out.transmission = m.transmission * Data(m.transmission_texture, surface).x;
-    out.thin = !m.has_volume;
+  out.specular = m.specular.factor * Data(m.specular.factor_texture, surface).w;
+  out.specular_color = m.specular.color * Color(m.specular.color_texture, surface);
+  if (m.transmission.factor > 0) {
+    out.transmission = m.transmission.factor * Data(m.transmission.texture, surface).x;
+    out.thin = !m.volume.is_solid;
     out.inside = !surface.front;
   }
-  if (m.clearcoat > 0 || MaxComponent(m.sheen_color) > 0) ShadeLayers(surface, &out);
+  if (m.clearcoat.factor > 0 || MaxComponent(m.sheen.color) > 0) ShadeLayers(surface, &out);
   return out;
 }
 
 void SurfaceReader::ShadeLayers(const Surface& surface, SurfaceMaterial* out) const {
   const scene::Material& m = *surface.material;
-  if (m.clearcoat > 0) {
-    out->clearcoat = m.clearcoat * Data(m.clearcoat_texture, surface).x;
-    out->clearcoat_roughness = m.clearcoat_roughness * Data(m.clearcoat_roughness_texture, surface).y;
+  if (m.clearcoat.factor > 0) {
+    out->clearcoat = m.clearcoat.factor * Data(m.clearcoat.factor_texture, surface).x;
+    out->clearcoat_roughness = m.clearcoat.roughness * Data(m.clearcoat.roughness_texture, surface).y;
     out->coat_normal = surface.coat_normal;
   }
-  out->sheen_color = m.sheen_color * Color(m.sheen_color_texture, surface);
-  out->sheen_roughness = m.sheen_roughness * Data(m.sheen_roughness_texture, surface).w;
+  out->sheen_color = m.sheen.color * Color(m.sheen.color_texture, surface);
+  out->sheen_roughness = m.sheen.roughness * Data(m.sheen.roughness_texture, surface).w;
 }
 
 Vec3 SurfaceReader::EmittedBy(const Surface& surface) const {
   const scene::Material& m = *surface.material;
   if (m.unlit) return BaseColor(surface);
   if (!surface.front && !m.double_sided) return {0, 0, 0};
-  return m.emission * Color(m.emission_texture, surface);
+  return m.emission.radiance * Color(m.emission.texture, surface);
 }
 
 }  // namespace lumifold::render

@@ -38,7 +38,7 @@ Vec3 Visibility::TransmittanceOfHit(const Hit& hit, const Ray& ray) const {
   const scene::Mesh& mesh = scene_->meshes[scene_->instances[hit.instance].mesh];
   const float opacity = OpacityAt(*scene_, mesh, hit.triangle, hit.u, hit.v);
   const Vec3 past = Vec3{1, 1, 1} * (1.0f - opacity);
-  if (opacity <= 0 || scene_->materials[mesh.material].transmission <= 0) return past;
+  if (opacity <= 0 || scene_->materials[mesh.material].transmission.factor <= 0) return past;
   const Surface surface = surfaces_->Read(hit, ray);
   const Bsdf bsdf(surfaces_->Shade(surface), *albedos_, surface.normal, surface.geometric, -ray.direction);
   return past + bsdf.StraightTransmittance() * opacity;

@@ -152,7 +152,7 @@ absl::Status ReadAttributes(const VertexSource& source, Mesh* mesh) {
 const TextureRef* TangentsMissingFor(const Mesh& mesh, const std::vector<Material>& materials) {
   if (mesh.material == kNone || !mesh.tangents.empty()) return nullptr;
   const Material& material = materials[mesh.material];
-  for (const TextureRef* map : {&material.normal_texture, &material.clearcoat_normal_texture}) {
+  for (const TextureRef* map : {&material.normal_map.texture, &material.clearcoat.normal_map.texture}) {
     if (map->texture != kNone) return map;
   }
   return nullptr;

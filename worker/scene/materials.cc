@@ -30,8 +30,8 @@ class MaterialReader {
     ReadMetallicRoughness();
     ReadEmission();
     ReadAlpha();
-    material_.normal_texture = Ref(source_.normalTexture);
-    material_.normal_scale = fields_.Finite(source_.normalTexture.scale, "normalTexture.scale");
+    material_.normal_map.texture = Ref(source_.normalTexture);
+    material_.normal_map.scale = fields_.Finite(source_.normalTexture.scale, "normalTexture.scale");
     material_.double_sided = source_.doubleSided;
     material_.unlit = Extension("KHR_materials_unlit") != nullptr;
     ReadIor();
@@ -57,12 +57,12 @@ class MaterialReader {
   void ReadMetallicRoughness() {
     const tinygltf::PbrMetallicRoughness& pbr = source_.pbrMetallicRoughness;
     const std::vector<double>& color = pbr.baseColorFactor;  // tinygltf has checked that it is 4 long
-    material_.base_color = FractionColor({color[0], color[1], color[2]}, "baseColorFactor");
-    material_.alpha = Fraction(color[3], "baseColorFactor");
-    material_.base_color_texture = Ref(pbr.baseColorTexture);
-    material_.metallic = Fraction(pbr.metallicFactor, "metallicFactor");
-    material_.roughness = Fraction(pbr.roughnessFactor, "roughnessFactor");
-    material_.metallic_roughness_texture = Ref(pbr.metallicRoughnessTexture);
+    material_.base.color = FractionColor({color[0], color[1], color[2]}, "baseColorFactor");
+    material_.base.alpha = Fraction(color[3], "baseColorFactor");
+    material_.base.color_texture = Ref(pbr.baseColorTexture);
+    material_.base.metallic = Fraction(pbr.metallicFactor, "metallicFactor");
+    material_.base.roughness = Fraction(pbr.roughnessFactor, "roughnessFactor");
+    material_.base.metallic_roughness_texture = Ref(pbr.metallicRoughnessTexture);
   }
 
   void ReadEmission() {
@@ -73,9 +73,10 @@ class MaterialReader {
     const auto radiance = [&](size_t channel) {
       return fields_.Clamped(source_.emissiveFactor[channel] * strength, 0, kMaxFloat, "emissiveFactor");
     };
-    material_.emission = {radiance(0), radiance(1), radiance(2)};
+    material_.emission.radiance = {radiance(0), radiance(1), radiance(2)};
     // A texture multiplied by 0 is not decoded.
-    if (material_.emission != Vec3{0, 0, 0}) material_.emission_texture = Ref(source_.emissiveTexture);
+    if (material_.emission.radiance != Vec3{0, 0, 0})
+      material_.emission.texture = Ref(source_.emissiveTexture);
   }
 
   void ReadAlpha() {
@@ -99,38 +100,39 @@ class MaterialReader {
   void ReadSpecular() {
     const auto* extension = Extension("KHR_materials_specular");
     if (extension == nullptr) return;
-    material_.specular = Fraction(fields_.Number(*extension, "specularFactor", 1), "specularFactor");
+    material_.specular.factor = Fraction(fields_.Number(*extension, "specularFactor", 1), "specularFactor");
     const auto color = fields_.Numbers<3>(*extension, "specularColorFactor", {1, 1, 1});
     const auto channel = [&](size_t i) {
       return fields_.Clamped(color[i], 0, kMaxFloat, "specularColorFactor");
     };
-    material_.specular_color = {channel(0), channel(1), channel(2)};
-    material_.specular_texture = ExtensionRef(*extension, "specularTexture");
-    material_.specular_color_texture = ExtensionRef(*extension, "specularColorTexture");
+    material_.specular.color = {channel(0), channel(1), channel(2)};
+    material_.specular.factor_texture = ExtensionRef(*extension, "specularTexture");
+    material_.specular.color_texture = ExtensionRef(*extension, "specularColorTexture");
   }
 
   void ReadTransmission() {
     const auto* extension = Extension("KHR_materials_transmission");
     if (extension == nullptr) return;
-    material_.transmission =
+    material_.transmission.factor =
         Fraction(fields_.Number(*extension, "transmissionFactor", 0), "transmissionFactor");
     // A texture multiplied by 0 is not decoded.
-    if (material_.transmission > 0)
-      material_.transmission_texture = ExtensionRef(*extension, "transmissionTexture");
+    if (material_.transmission.factor > 0)
+      material_.transmission.texture = ExtensionRef(*extension, "transmissionTexture");
   }
 
   void ReadClearcoat() {
     const auto* extension = Extension("KHR_materials_clearcoat");
     if (extension == nullptr) return;
-    material_.clearcoat = Fraction(fields_.Number(*extension, "clearcoatFactor", 0), "clearcoatFactor");
-    material_.clearcoat_roughness =
+    material_.clearcoat.factor =
+        Fraction(fields_.Number(*extension, "clearcoatFactor", 0), "clearcoatFactor");
+    material_.clearcoat.roughness =
         Fraction(fields_.Number(*extension, "clearcoatRoughnessFactor", 0), "clearcoatRoughnessFactor");
-    if (material_.clearcoat == 0) return;
-    material_.clearcoat_texture = ExtensionRef(*extension, "clearcoatTexture");
-    material_.clearcoat_roughness_texture = ExtensionRef(*extension, "clearcoatRoughnessTexture");
-    material_.clearcoat_normal_texture = ExtensionRef(*extension, "clearcoatNormalTexture");
-    if (material_.clearcoat_normal_texture.texture != kNone) {
-      material_.clearcoat_normal_scale =
+    if (material_.clearcoat.factor == 0) return;
+    material_.clearcoat.factor_texture = ExtensionRef(*extension, "clearcoatTexture");
+    material_.clearcoat.roughness_texture = ExtensionRef(*extension, "clearcoatRoughnessTexture");
+    material_.clearcoat.normal_map.texture = ExtensionRef(*extension, "clearcoatNormalTexture");
+    if (material_.clearcoat.normal_map.texture.texture != kNone) {
+      material_.clearcoat.normal_map.scale =
           fields_.Finite(fields_.Number(extension->Get("clearcoatNormalTexture"), "scale", 1),
                          "clearcoatNormalTexture.scale");
     }
@@ -139,22 +141,22 @@ class MaterialReader {
   void ReadSheen() {
     const auto* extension = Extension("KHR_materials_sheen");
     if (extension == nullptr) return;
-    material_.sheen_color =
+    material_.sheen.color =
         FractionColor(fields_.Numbers<3>(*extension, "sheenColorFactor", {0, 0, 0}), "sheenColorFactor");
-    material_.sheen_roughness =
+    material_.sheen.roughness =
         Fraction(fields_.Number(*extension, "sheenRoughnessFactor", 0), "sheenRoughnessFactor");
-    if (material_.sheen_color == Vec3{0, 0, 0}) return;
-    material_.sheen_color_texture = ExtensionRef(*extension, "sheenColorTexture");
-    material_.sheen_roughness_texture = ExtensionRef(*extension, "sheenRoughnessTexture");
+    if (material_.sheen.color == Vec3{0, 0, 0}) return;
+    material_.sheen.color_texture = ExtensionRef(*extension, "sheenColorTexture");
+    material_.sheen.roughness_texture = ExtensionRef(*extension, "sheenRoughnessTexture");
   }
 
   void ReadVolume() {
     const auto* extension = Extension("KHR_materials_volume");
     if (extension == nullptr) return;
-    material_.has_volume = fields_.Number(*extension, "thicknessFactor", 0) > 0;
+    material_.volume.is_solid = fields_.Number(*extension, "thicknessFactor", 0) > 0;
     const double distance = fields_.Number(*extension, "attenuationDistance", 0);
-    material_.attenuation_distance = fields_.Clamped(distance, 0, kMaxFloat, "attenuationDistance");
-    material_.attenuation_color =
+    material_.volume.attenuation_distance = fields_.Clamped(distance, 0, kMaxFloat, "attenuationDistance");
+    material_.volume.attenuation_color =
         FractionColor(fields_.Numbers<3>(*extension, "attenuationColor", {1, 1, 1}), "attenuationColor");
     ReportUnusedTexture(*extension, "thicknessTexture", "the shape itself is what light goes through");
   }

@@ -91,18 +91,18 @@ Camera FittedCamera(const Scene& scene, float aspect) {
 }  // namespace
 
 std::array<TextureUse, 12> TexturesOf(const Material& material) {
-  return {{{&material.base_color_texture, true},
-           {&material.metallic_roughness_texture, false},
-           {&material.normal_texture, false},
-           {&material.emission_texture, true},
-           {&material.specular_texture, false},
-           {&material.specular_color_texture, true},
-           {&material.transmission_texture, false},
-           {&material.clearcoat_texture, false},
-           {&material.clearcoat_roughness_texture, false},
-           {&material.clearcoat_normal_texture, false},
-           {&material.sheen_color_texture, true},
-           {&material.sheen_roughness_texture, false}}};
+  return {{{&material.base.color_texture, true},
+           {&material.base.metallic_roughness_texture, false},
+           {&material.normal_map.texture, false},
+           {&material.emission.texture, true},
+           {&material.specular.factor_texture, false},
+           {&material.specular.color_texture, true},
+           {&material.transmission.texture, false},
+           {&material.clearcoat.factor_texture, false},
+           {&material.clearcoat.roughness_texture, false},
+           {&material.clearcoat.normal_map.texture, false},
+           {&material.sheen.color_texture, true},
+           {&material.sheen.roughness_texture, false}}};
 }
 
 Bounds WorldBounds(const Scene& scene) {

@@ -46,44 +46,75 @@ struct TextureRef {
 
 enum class AlphaMode { kOpaque, kMask, kBlend };
 
-/// glTF's metallic-roughness material and the extensions that the renderer supports. Texture values multiply
-/// the factors.
+struct NormalMap {
+  TextureRef texture;
+  float scale = 1;
+};
+
+/// glTF's metallic-roughness material and the extensions that the renderer supports, a struct for each.
+/// Texture values multiply the factors.
 struct Material {
+  /// glTF's pbrMetallicRoughness.
+  struct Base {
+    Vec3 color = {1, 1, 1};
+    float alpha = 1;
+    TextureRef color_texture;  // sRGB colour, linear alpha
+    float metallic = 1;
+    float roughness = 1;                    // perceptual: GGX alpha = roughness^2
+    TextureRef metallic_roughness_texture;  // G roughness, B metallic
+  };
+  struct Emission {
+    Vec3 radiance = {0, 0, 0};  // emissive_strength multiplied in
+    TextureRef texture;         // sRGB
+  };
+  /// KHR_materials_specular.
+  struct Specular {
+    float factor = 1;
+    TextureRef factor_texture;  // A
+    Vec3 color = {1, 1, 1};
+    TextureRef color_texture;  // sRGB
+  };
+  /// KHR_materials_transmission.
+  struct Transmission {
+    float factor = 0;
+    TextureRef texture;  // R
+  };
+  /// KHR_materials_clearcoat: a dielectric coat of ior 1.5.
+  struct Clearcoat {
+    float factor = 0;              // its weight
+    TextureRef factor_texture;     // R
+    float roughness = 0;           // perceptual
+    TextureRef roughness_texture;  // G
+    NormalMap normal_map;          // the base's does not affect the coat
+  };
+  /// KHR_materials_sheen.
+  struct Sheen {
+    Vec3 color = {0, 0, 0};        // reflectance of the fibres; black: none
+    TextureRef color_texture;      // sRGB
+    float roughness = 0;           // perceptual: sheen alpha = roughness^2
+    TextureRef roughness_texture;  // A
+  };
+  /// KHR_materials_volume.
+  struct Volume {
+    bool is_solid = false;  // thickness > 0: refracts; else thin
+    Vec3 attenuation_color = {1, 1, 1};
+    float attenuation_distance = 0;  // metres; 0: infinite
+  };
+
   std::string name;
-  Vec3 base_color = {1, 1, 1};
-  float alpha = 1;
-  TextureRef base_color_texture;  // sRGB colour, linear alpha
-  float metallic = 1;
-  float roughness = 1;                    // perceptual: GGX alpha = roughness^2
-  TextureRef metallic_roughness_texture;  // G roughness, B metallic
-  TextureRef normal_texture;
-  float normal_scale = 1;
-  Vec3 emission = {0, 0, 0};    // radiance, emissive_strength multiplied in
-  TextureRef emission_texture;  // sRGB
+  Base base;
+  NormalMap normal_map;
+  Emission emission;
   AlphaMode alpha_mode = AlphaMode::kOpaque;
   float alpha_cutoff = 0.5f;
   bool double_sided = false;
-  bool unlit = false;           // KHR_materials_unlit: emits the base colour, reflects nothing
-  float ior = 1.5f;             // KHR_materials_ior
-  float specular = 1;           // KHR_materials_specular
-  TextureRef specular_texture;  // A
-  Vec3 specular_color = {1, 1, 1};
-  TextureRef specular_color_texture;       // sRGB
-  float transmission = 0;                  // KHR_materials_transmission
-  TextureRef transmission_texture;         // R
-  float clearcoat = 0;                     // KHR_materials_clearcoat: weight of a dielectric coat of ior 1.5
-  TextureRef clearcoat_texture;            // R
-  float clearcoat_roughness = 0;           // perceptual, like roughness
-  TextureRef clearcoat_roughness_texture;  // G
-  TextureRef clearcoat_normal_texture;     // the base's normal map does not affect the coat
-  float clearcoat_normal_scale = 1;
-  Vec3 sheen_color = {0, 0, 0};        // KHR_materials_sheen: reflectance of the fibres; black: none
-  TextureRef sheen_color_texture;      // sRGB
-  float sheen_roughness = 0;           // perceptual: sheen alpha = sheen_roughness^2
-  TextureRef sheen_roughness_texture;  // A
-  bool has_volume = false;             // KHR_materials_volume with thickness > 0: refracts; else thin
-  Vec3 attenuation_color = {1, 1, 1};
-  float attenuation_distance = 0;  // metres; 0: infinite
+  bool unlit = false;  // KHR_materials_unlit: emits the base colour, reflects nothing
+  float ior = 1.5f;    // KHR_materials_ior
+  Specular specular;
+  Transmission transmission;
+  Clearcoat clearcoat;
+  Sheen sheen;
+  Volume volume;
 };
 
 /// A texture reference of a material and its colour encoding.

@@ -110,7 +110,7 @@ float MostDifference(const Picture& a, const Picture& b) {
 
 scene::Material Mirror() {
   scene::Material mirror;
-  mirror.roughness = 0;
+  mirror.base.roughness = 0;
   return mirror;
 }
 

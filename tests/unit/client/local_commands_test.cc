@@ -87,9 +87,9 @@ TEST_F(RunClientTest, InterruptedFilteringLeavesNoFile) {
   image.AddColor("noisy");
   ASSERT_EQ(WriteExr(picture, image), absl::OkStatus());
   const int files = folder_.FileCount();
-  test_.environment.film_filter = [](FilmSource* film, const std::string&, int,
-                                     const std::vector<std::string>&,
-                                     const RowSink&) { return film->Read({0, 0, 4, 3}).status(); };
+  test_.environment.local.film_filter = [](FilmSource* film, const std::string&, int,
+                                           const std::vector<std::string>&,
+                                           const RowSink&) { return film->Read({0, 0, 4, 3}).status(); };
   test_.interrupted = true;
   EXPECT_EQ(Run({"filter", picture, "-o", folder_.File("out.exr")}), 130);
   EXPECT_THAT(Err(), testing::EndsWith("lumifold: interrupted\n"));

@@ -32,8 +32,8 @@ class RunClientTest : public testing::Test {
   RunClientTest() {
     scene_ = folder_.Write("room.gltf", kScene);
     folder_.Write("mesh.bin", std::string(2'500'000, 'm'));
-    test_.environment.default_server = farm_.address();
-    test_.environment.local_farm = [this](const LocalFarmOptions& options) {
+    test_.environment.defaults.server = farm_.address();
+    test_.environment.local.farm = [this](const LocalFarmOptions& options) {
       local_options_.push_back(options);
       return std::make_unique<FakeLocalFarm>(farm_.channel());
     };

@@ -23,7 +23,7 @@ TEST_F(RunClientTest, RefusesOutputsBeforeAnyWork) {
 }
 
 TEST_F(RunClientTest, SaysThatAFarmCannotStart) {
-  test_.environment.local_farm = [](const LocalFarmOptions&) {
+  test_.environment.local.farm = [](const LocalFarmOptions&) {
     return absl::InternalError("no room on the disk");
   };
   EXPECT_EQ(Run({"render", scene_, "-o", folder_.File("out.exr")}), 1);
@@ -261,7 +261,7 @@ TEST_F(RunClientTest, ListsJobsPageByPageWithFilters) {
 }
 
 TEST_F(RunClientTest, SendsHowAJobIsScheduled) {
-  test_.environment.default_user = "ann";
+  test_.environment.defaults.user = "ann";
   EXPECT_EQ(Run({"submit", scene_, "--priority", "-20", "--tag", "gpu,night", "--tag", "big", "--max-leases",
                  "7", "--after", "j-1", "--after", "j-2", "--class", "lumifold/avx2", "--paused",
                  "--audit-share", "0.25"}),
@@ -465,7 +465,7 @@ TEST_F(RunClientTest, GoesOnToTheNextCoordinatorAndNamesAllWhereNoneAnswers) {
 TEST_F(RunClientTest, ChecksEachCoordinatorOfTheList) {
   EXPECT_EQ(Run({"server-status", "--server", farm_.address() + ",farm.example:7700"}), 1);
   EXPECT_THAT(Err(), HasSubstr("there is no profile for the coordinator at farm.example:7700"));
-  test_.environment.default_server = "a:7700,a:7700";
+  test_.environment.defaults.server = "a:7700,a:7700";
   EXPECT_EQ(Run({"server-status"}), 2);
   EXPECT_THAT(Err(), HasSubstr("'a:7700' is twice in the list"));
 }

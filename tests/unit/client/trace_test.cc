@@ -25,7 +25,7 @@ TEST(Trace, IsSentWithCallsAndPrinted) {
   const ScratchFolder folder;
   const std::string scene = folder.Write("room.gltf", R"({"asset":{"version":"2.0"}})");
   TestEnvironment test;
-  test.environment.default_server = farm.address();
+  test.environment.defaults.server = farm.address();
   const auto submit = [&](const std::string& trace_parent) {
     test.environment.trace_parent = trace_parent;
     const std::vector<const char*> argv = {"lumifold", "submit", scene.c_str(), "--json"};

@@ -25,8 +25,8 @@ std::string TextOf(const JobRecord& job) {
   return absl::StrCat(job.id.value(), " ", absl::CEscape(job.spec.SerializeAsString()), " ",
                       absl::CEscape(job.scheduling.SerializeAsString()), " ", job.owner.name, " ",
                       job.owner.epoch.value(), " ", static_cast<int>(job.state), " ", job.error, " ",
-                      job.numeric_class, " ", absl::ToUnixMillis(job.started), " ", job.units_done, " ",
-                      job.samples_done, " ", job.bad_samples, " ", job.frames_done, " ",
+                      job.numeric_class, " ", absl::ToUnixMillis(job.started), " ", job.done.units, " ",
+                      job.done.samples, " ", job.done.bad_samples, " ", job.done.frames, " ",
                       job.times.filter_seconds(), " ", absl::StrJoin(job.warnings, "|"), " ",
                       job.warnings_left_out, "\n");
 }

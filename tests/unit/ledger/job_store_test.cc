@@ -116,7 +116,7 @@ TEST_P(JobStoreTest, ListsPagesNewestFirstWithoutFilesAndWarnings) {
   EXPECT_EQ(first.jobs[0].id, JobId("j-d"));
   EXPECT_EQ(first.jobs[0].spec.scene().display_name(), "room.glb");
   EXPECT_EQ(first.jobs[0].spec.scene().dependencies_size(), 0);
-  EXPECT_EQ(first.jobs[0].units_done, 1);
+  EXPECT_EQ(first.jobs[0].done.units, 1);
   EXPECT_THAT(first.jobs[0].warnings, IsEmpty());
   ASSERT_TRUE(first.next.has_value());
   // A job that is submitted meanwhile does not move the next page.
@@ -189,7 +189,7 @@ TEST_P(JobStoreTest, AClaimTakesTheUnfinishedJobsAndTheFormerOwnerIsRefused) {
     EXPECT_EQ(status.code(), StatusCode::kAborted);
     EXPECT_THAT(Text(status), AllOf(HasSubstr("epoch 2"), HasSubstr("epoch 1")));
   }
-  EXPECT_EQ(Get("j-b").units_done, 1);
+  EXPECT_EQ(Get("j-b").done.units, 1);
   EXPECT_EQ(Get("j-b").state, v1::JOB_STATE_SUBMITTED);
   EXPECT_THAT(store_->ClaimUnfinishedJobs(second)->jobs, SizeIs(2));
   EXPECT_EQ(Get("j-ended").owner.epoch, Epoch(1));
@@ -238,10 +238,10 @@ TEST_P(JobStoreTest, UnitsOfSeveralJobsEnterTogetherEachJobWhollyOrNot) {
   EXPECT_THAT(Units("j-a"), SizeIs(2));
   EXPECT_THAT(Units("j-b"), SizeIs(1));
   EXPECT_THAT(Units("j-c"), SizeIs(1));
-  EXPECT_EQ(Get("j-a").units_done, 2);
-  EXPECT_EQ(Get("j-a").samples_done, 200);
-  EXPECT_EQ(Get("j-a").bad_samples, 2);
-  EXPECT_EQ(Get("j-b").units_done, 1);
+  EXPECT_EQ(Get("j-a").done.units, 2);
+  EXPECT_EQ(Get("j-a").done.samples, 200);
+  EXPECT_EQ(Get("j-a").done.bad_samples, 2);
+  EXPECT_EQ(Get("j-b").done.units, 1);
 }
 
 TEST_P(JobStoreTest, AUnitThatIsTwiceInOneCallIsRefused) {
@@ -256,7 +256,7 @@ TEST_P(JobStoreTest, AUnitThatIsTwiceInOneCallIsRefused) {
   EXPECT_TRUE(outcomes[0].ok());
   EXPECT_EQ(outcomes[1].code(), StatusCode::kAlreadyExists);
   EXPECT_TRUE(outcomes[2].ok());  // as if it were a call of its own
-  EXPECT_EQ(Get("j-a").units_done, 2);
+  EXPECT_EQ(Get("j-a").done.units, 2);
 }
 
 TEST_P(JobStoreTest, ACommitCanBeRepeated) {
@@ -266,7 +266,7 @@ TEST_P(JobStoreTest, ACommitCanBeRepeated) {
   JobCommit longer = commit;
   longer.units.push_back(Unit("j-a", 0, 2, 0));
   EXPECT_TRUE(CommitOne(longer).ok());
-  EXPECT_EQ(Get("j-a").units_done, 3);
+  EXPECT_EQ(Get("j-a").done.units, 3);
   UnitRecord other_attempt = Unit("j-a", 0, 0, 0);
   other_attempt.attempt = job::Attempt(other_attempt.attempt.value() + 1);
   EXPECT_EQ(CommitOne(Commit("j-a", {other_attempt})).code(), StatusCode::kAlreadyExists);
@@ -336,11 +336,11 @@ TEST_P(JobStoreTest, RevokedUnitsCanBeCommittedAgain) {
       units[1].unit.key, units[2].unit.key, {0, 3, 0, v1::UNIT_KIND_PASS}, {9, 0, 0, v1::UNIT_KIND_PASS}};
   ASSERT_TRUE(store_->RevokeUnits(Owned("j-a"), lost).ok());
   Reopen();
-  EXPECT_EQ(Get("j-a").units_done, 1);
-  EXPECT_EQ(Get("j-a").samples_done, 100);
-  EXPECT_EQ(Get("j-a").bad_samples, 1);
+  EXPECT_EQ(Get("j-a").done.units, 1);
+  EXPECT_EQ(Get("j-a").done.samples, 100);
+  EXPECT_EQ(Get("j-a").done.bad_samples, 1);
   ASSERT_TRUE(CommitOne(Commit("j-a", {units[1], units[2]})).ok());
-  EXPECT_EQ(Get("j-a").samples_done, 300);
+  EXPECT_EQ(Get("j-a").done.samples, 300);
   EXPECT_EQ(store_->RevokeUnits(Owned("j-x"), lost).code(), StatusCode::kNotFound);
 }
 
@@ -360,8 +360,8 @@ TEST_P(JobStoreTest, FramesAreRecordedOnceAndTheirUnitsGo) {
   EXPECT_THAT(Units("j-a", 1), IsEmpty());
   EXPECT_THAT(Units("j-a"), SizeIs(1));
   const JobRecord job = Get("j-a");
-  EXPECT_EQ(job.frames_done, 2);
-  EXPECT_EQ(job.units_done, 2);
+  EXPECT_EQ(job.done.frames, 2);
+  EXPECT_EQ(job.done.units, 2);
   EXPECT_EQ(job.times.filter_seconds(), 4.0);
   EXPECT_EQ(job.times.render_seconds(), 5.0);
   const absl::Status late = CommitOne(Commit("j-a", {Unit("j-a", 1, 0, 0)}));
@@ -392,7 +392,7 @@ TEST_P(JobStoreTest, RowsOfUnitsGoInSmallBatches) {
   EXPECT_THAT(Units("j-a"), IsEmpty());
   EXPECT_EQ(*store_->PurgeUnits(1), 9);
   EXPECT_EQ(*store_->PurgeUnits(100), 0);
-  EXPECT_EQ(Get("j-a").units_done, 30);
+  EXPECT_EQ(Get("j-a").done.units, 30);
 }
 
 TEST_P(JobStoreTest, AnEndedJobStaysAsItIs) {
@@ -465,9 +465,9 @@ TEST_P(JobStoreTest, AnEndedJobIsReopenedForAnotherOwner) {
   EXPECT_EQ(job.owner, owner);
   EXPECT_EQ(job.spec.SerializeAsString(), spec.SerializeAsString());
   EXPECT_EQ(job.numeric_class, "avx2");
-  EXPECT_EQ(job.frames_done, 1);
-  EXPECT_EQ(job.units_done, 1);  // frame 2 had not been recorded when the job ended
-  EXPECT_EQ(job.samples_done, 100);
+  EXPECT_EQ(job.done.frames, 1);
+  EXPECT_EQ(job.done.units, 1);  // frame 2 had not been recorded when the job ended
+  EXPECT_EQ(job.done.samples, 100);
   EXPECT_THAT(*store_->FinishedFrames(JobId("j-a")), ElementsAre(0));
   EXPECT_THAT(Units("j-a"), IsEmpty());
   // What the log holds is committed again, before and after the old rows are gone.
@@ -476,7 +476,7 @@ TEST_P(JobStoreTest, AnEndedJobIsReopenedForAnotherOwner) {
   EXPECT_TRUE(CommitOne(kept).ok());
   EXPECT_EQ(*store_->PurgeUnits(100), 0);
   EXPECT_THAT(Units("j-a"), SizeIs(1));
-  EXPECT_EQ(Get("j-a").units_done, 2);
+  EXPECT_EQ(Get("j-a").done.units, 2);
   EXPECT_EQ(*store_->CreateJob(Job("j-b", "r-1")), JobId("j-a"));  // still the same request
 }
 
@@ -487,8 +487,8 @@ TEST_P(JobStoreTest, FramesOfARunningJobAreReopened) {
   const JobRecord before = Get("j-a");
   ASSERT_TRUE(store_->ReopenFrames(JobId("j-a"), before.owner, before.spec, {0, 1, 5}).ok());
   EXPECT_THAT(Units("j-a"), IsEmpty());
-  EXPECT_EQ(Get("j-a").units_done, 0);
-  EXPECT_EQ(Get("j-a").frames_done, 0);
+  EXPECT_EQ(Get("j-a").done.units, 0);
+  EXPECT_EQ(Get("j-a").done.frames, 0);
   EXPECT_EQ(Get("j-a").numeric_class, "");  // nothing is left that binds it
   JobCommit commit = Commit("j-a", {Unit("j-a", 0, 0, 0)});
   commit.numeric_class = "sse2";

@@ -289,13 +289,13 @@ class MemoryJobStore final : public JobStore {
   /// Sets the counts of an active job.
   static void Count(StoredJob* job) {
     JobRecord& record = job->record;
-    record.units_done = record.samples_done = record.bad_samples = record.frames_done = 0;
+    record.done = {};
     for (const auto& [number, frame] : job->frames) {
-      record.frames_done += frame.is_finished ? 1 : 0;
+      record.done.frames += frame.is_finished ? 1 : 0;
       for (const auto& [key, unit] : frame.units) {
-        ++record.units_done;
-        record.samples_done += unit.samples;
-        record.bad_samples += unit.bad_samples;
+        ++record.done.units;
+        record.done.samples += unit.samples;
+        record.done.bad_samples += unit.bad_samples;
       }
     }
   }

@@ -61,7 +61,7 @@ TEST_F(PostgresJobStoreTest, AServerThatGoesAwayIsUnavailableAndThenUsedAgain) {
   }
   server_->StartServer();
   EXPECT_TRUE(store_->CommitUnits({commit})->front().ok());
-  EXPECT_EQ(store_->GetJob(JobId("j-a"))->units_done, 1);
+  EXPECT_EQ(store_->GetJob(JobId("j-a"))->done.units, 1);
   // A restart between two calls is not noticed.
   server_->StopServer();
   server_->StartServer();
@@ -103,7 +103,7 @@ TEST_F(PostgresJobStoreTest, TablesOfEarlierVersionsAreUpgraded) {
     EXPECT_TRUE((*store)->CommitUnits({Commit("j-a", {Unit("j-a", 0, version, 0)})})->front().ok());
     EXPECT_TRUE(db->RunScript("SELECT epoch, demand FROM coordinators").ok());
   }
-  EXPECT_EQ((*database_->Open())->GetJob(JobId("j-a"))->units_done, 2);
+  EXPECT_EQ((*database_->Open())->GetJob(JobId("j-a"))->done.units, 2);
 }
 
 TEST_F(PostgresJobStoreTest, TablesOfALaterVersionAreRefused) {
@@ -153,7 +153,7 @@ TEST_F(PostgresJobStoreTest, TwoCoordinatorsOpenCreateAndCommitAtOnce) {
   }
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(accepted, kCommits);
-  EXPECT_EQ((*OpenPostgresJobStore(fresh.uri()))->GetJob(JobId("j-a"))->units_done, kCommits);
+  EXPECT_EQ((*OpenPostgresJobStore(fresh.uri()))->GetJob(JobId("j-a"))->done.units, kCommits);
 }
 
 }  // namespace

@@ -58,8 +58,8 @@ TEST_F(SqliteJobStoreTest, ALedgerOfSchema2IsTakenOver) {
   ASSERT_EQ(job.spec.scene().dependencies_size(), 1);
   EXPECT_EQ(job.spec.scene().dependencies(0).uri(), "wood.png");
   EXPECT_EQ(job.submitted, kStart);
-  EXPECT_EQ(job.units_done, 3);
-  EXPECT_EQ(job.frames_done, 1);
+  EXPECT_EQ(job.done.units, 3);
+  EXPECT_EQ(job.done.frames, 1);
   EXPECT_EQ(job.times.filter_seconds(), 2.5);
   EXPECT_THAT(job.warnings, ElementsAre("no light", "no camera"));
   EXPECT_THAT(*store->FinishedFrames(JobId("j-a")), ElementsAre(0));
@@ -70,7 +70,7 @@ TEST_F(SqliteJobStoreTest, ALedgerOfSchema2IsTakenOver) {
   EXPECT_EQ(Describe(units[1].unit), "j-a frame 1 tile 0 geometry");
   EXPECT_EQ(units[1].offset, 77u);
   ASSERT_TRUE(store->RevokeUnits({JobId("j-a"), epoch}, {units[1].unit.key}).ok());
-  EXPECT_EQ(store->GetJob(JobId("j-a"))->samples_done, 200);
+  EXPECT_EQ(store->GetJob(JobId("j-a"))->done.samples, 200);
   // The same request is still the same job.
   NewJob again = Job("j-new", "r-1");
   again.spec = job.spec;

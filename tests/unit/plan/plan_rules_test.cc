@@ -23,8 +23,8 @@ Material Gray() { return lumifold::testing::Lambert({0.5f, 0.5f, 0.5f}); }
 Material Glossy() {
   Material glossy = Gray();
   glossy.name = "varnish";
-  glossy.specular = 1;
-  glossy.roughness = 0.4f;
+  glossy.specular.factor = 1;
+  glossy.base.roughness = 0.4f;
   return glossy;
 }
 
@@ -165,11 +165,11 @@ TEST(PlanRules, WithoutLightThereIsNothingToScatter) {
 
 TEST(PlanRules, TexturesAreScannedForTheValuesTheyTake) {
   Material metal = Mirror();
-  metal.roughness = 1;
+  metal.base.roughness = 1;
   // Green is roughness, blue is metallic.
   const auto with_texels = [&](const std::vector<uint8_t>& rgba) {
     Scene room = LitBox(metal);
-    room.materials[0].metallic_roughness_texture.texture = AddTexture(rgba, &room);
+    room.materials[0].base.metallic_roughness_texture.texture = AddTexture(rgba, &room);
     return PlanOf(room);
   };
   EXPECT_EQ(Values(with_texels({0, 200, 255, 255, 0, 100, 255, 255}), {"levels", "glossy", "direct"}),
@@ -181,7 +181,7 @@ TEST(PlanRules, TexturesAreScannedForTheValuesTheyTake) {
             (Strings{"3", "off", "off"}));
   EXPECT_EQ(Values(with_texels({0, 200, 0, 255}), {"levels", "glossy", "direct"}),
             (Strings{"0", "on", "on"}));  // no metal: a dielectric with its highlight
-  metal.specular = 0;
+  metal.specular.factor = 0;
   EXPECT_EQ(Values(with_texels({0, 0, 0, 255}), {"levels", "glossy", "direct"}), (Strings{"0", "off", "on"}));
 }
 
@@ -189,9 +189,9 @@ TEST(PlanRules, AlphaModesAreIgnoredWhereEveryTexelIsOpaque) {
   for (const scene::AlphaMode mode : {scene::AlphaMode::kMask, scene::AlphaMode::kBlend}) {
     Scene room = LitBox(Gray());
     room.materials[0].alpha_mode = mode;
-    room.materials[0].base_color_texture.texture = AddTexture({9, 9, 9, 255, 99, 99, 99, 255}, &room);
+    room.materials[0].base.color_texture.texture = AddTexture({9, 9, 9, 255, 99, 99, 99, 255}, &room);
     EXPECT_THAT(Find(PlanOf(room), "alpha-by-mode").saving, HasSubstr("6 surfaces"));
-    room.materials[0].base_color_texture.texture = AddTexture({9, 9, 9, 255, 99, 99, 99, 100}, &room);
+    room.materials[0].base.color_texture.texture = AddTexture({9, 9, 9, 255, 99, 99, 99, 100}, &room);
     EXPECT_EQ(Find(PlanOf(room), "alpha-by-mode").saving, "");
   }
 }

@@ -19,17 +19,17 @@ using scene::Scene;
 Material Mirror() {
   Material mirror;
   mirror.name = "mirror";
-  mirror.base_color = {0.9f, 0.9f, 0.9f};
-  mirror.roughness = 0;
+  mirror.base.color = {0.9f, 0.9f, 0.9f};
+  mirror.base.roughness = 0;
   return mirror;
 }
 
 Material ClearPane() {
   Material pane;
   pane.name = "pane";
-  pane.metallic = 0;
-  pane.roughness = 0;
-  pane.transmission = 1;
+  pane.base.metallic = 0;
+  pane.base.roughness = 0;
+  pane.transmission.factor = 1;
   return pane;
 }
 

@@ -31,7 +31,7 @@ Scene TexturedRoom(scene::AlphaMode mode, uint8_t alpha) {
   room.materials[2].alpha_mode = mode;
   lumifold::testing::Place(&room, lumifold::testing::QuadMesh({-1, -1, -0.5f}, {2, 0, 0}, {0, 2, 0}, 2));
   const int texture = AddTexture({200, 90, 30, 255, 20, 90, 200, alpha, 90, 90, 90, 255}, &room);
-  room.materials[2].base_color_texture.texture = texture;
+  room.materials[2].base.color_texture.texture = texture;
   return room;
 }
 
@@ -40,11 +40,11 @@ Scene TexturedRoom(scene::AlphaMode mode, uint8_t alpha) {
 Scene RoomWithOneTexel(const std::vector<uint8_t>& texel) {
   Scene room = LitBox(Brownish());
   Material metal = Mirror();
-  metal.roughness = 1;
+  metal.base.roughness = 1;
   room.materials.push_back(metal);
   lumifold::testing::Place(&room, lumifold::testing::QuadMesh({-1, -1, -0.5f}, {2, 0, 0}, {0, 2, 0}, 2));
   const int texture = AddTexture(texel, &room);
-  room.materials[2].metallic_roughness_texture.texture = texture;
+  room.materials[2].base.metallic_roughness_texture.texture = texture;
   return room;
 }
 

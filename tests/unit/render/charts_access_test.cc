@@ -96,7 +96,7 @@ TEST(TraceIndirect, IsBlackAndInfinitelyFarOnAMiss) {
 TEST(FirstDiffuseSurface, IsEmptyOnMirrorsAndOnAMiss) {
   scene::Scene scene;
   scene::Material mirror;
-  mirror.roughness = 0;
+  mirror.base.roughness = 0;
   scene.materials = {mirror};
   testing::Place(&scene, testing::QuadMesh({-1, -1, 0}, {2, 0, 0}, {0, 2, 0}, 0));
   scene.cameras = {testing::LookAt({0, 0, 2}, {0, 0, 0}, 2.5f)};

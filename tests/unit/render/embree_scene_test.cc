@@ -38,7 +38,7 @@ scene::Scene RoomWithSheets() {
   for (const scene::AlphaMode mode : {scene::AlphaMode::kBlend, scene::AlphaMode::kMask}) {
     scene::Material sheet = testing::Lambert({0.5f, 0.5f, 0.5f});
     sheet.alpha_mode = mode;
-    sheet.alpha = 0.5f;
+    sheet.base.alpha = 0.5f;
     sheet.alpha_cutoff = 0.7f;
     scene.materials.push_back(sheet);
     const float z = mode == scene::AlphaMode::kBlend ? 0.5f : 0.6f;

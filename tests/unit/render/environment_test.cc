@@ -189,8 +189,8 @@ TEST(Environment, BackgroundIsEmission) {
 
 TEST(Environment, AllStrategiesConvergeToTheSamePicture) {
   scene::Material glossy = testing::Lambert({0.6f, 0.5f, 0.4f});
-  glossy.specular = 1;
-  glossy.roughness = 0.4f;
+  glossy.specular.factor = 1;
+  glossy.base.roughness = 0.4f;
   LayeredImage picture = SunnyPicture();
   for (const FloatView& channel : picture.GetColor("")) channel.At(21, 4) = 20;  // wide enough for hits
   RenderSettings settings = SettingsOf(12, 12);

@@ -29,11 +29,11 @@ constexpr SampleRange kListedSamples = {3, 11};
 /// A closed room with a mirror, a pane and a lamp.
 scene::Scene Room() {
   scene::Scene room = testing::SmallRoom();
-  room.materials[1].roughness = 0;
-  room.materials[1].metallic = 1;
-  room.materials[5].roughness = 0;
-  room.materials[5].transmission = 1;
-  room.materials[5].has_volume = true;
+  room.materials[1].base.roughness = 0;
+  room.materials[1].base.metallic = 1;
+  room.materials[5].base.roughness = 0;
+  room.materials[5].transmission.factor = 1;
+  room.materials[5].volume.is_solid = true;
   return room;
 }
 

@@ -25,14 +25,14 @@ using scene::Material;
 
 Material Mirror() {
   Material mirror;
-  mirror.roughness = 0;
+  mirror.base.roughness = 0;
   return mirror;
 }
 
 Material Pane() {
   Material pane = Mirror();
-  pane.metallic = 0;
-  pane.transmission = 1;
+  pane.base.metallic = 0;
+  pane.transmission.factor = 1;
   return pane;
 }
 
@@ -88,7 +88,7 @@ TEST(GeometryUnit, APaneHasAReflectionAndATransmissionLevel) {
 
 TEST(GeometryUnit, ASolidBallIsTracedThroughBothFaces) {
   scene::Scene scene = PlaneBetweenWalls(Pane());
-  scene.materials[0].has_volume = true;
+  scene.materials[0].volume.is_solid = true;
   scene.meshes[0] = testing::SphereMesh(1, 24, 0);
   scene.instances[0].world_from_object.origin = {0, 0, -3};
   const LayeredImage geometry = GeometryOf(std::move(scene), 9, 9).pixels;
@@ -104,7 +104,7 @@ TEST(GeometryUnit, IsIndependentOfTiles) {
   constexpr int kHeight = 33;
   scene::Scene room = testing::SmallRoom();
   room.materials[5] = Pane();
-  room.materials[5].has_volume = true;
+  room.materials[5].volume.is_solid = true;
   room.materials[1] = Mirror();
   const auto renderer = MakeRenderer(std::move(room), SettingsOf(kWidth, kHeight));
   const EdgedImage whole = renderer->RenderGeometry({0, 0, kWidth, kHeight}, 0);
@@ -185,7 +185,7 @@ TEST(GeometryUnit, AFlatFloorHasNoEdgesAtGrazingAngles) {
 
 TEST(GeometryUnit, AnEdgePixelIsTheMeanOfItsSubSamples) {
   scene::Scene scene = PlaneBetweenWalls(testing::Lambert({0.25f, 0.5f, 0.75f}));
-  scene.materials[0].emission = {2, 0, 0};
+  scene.materials[0].emission.radiance = {2, 0, 0};
   scene.cameras = {testing::LookAt({2.05f, 0, 0}, {2.05f, 0, -1}, 0.5f)};  // the plane's right end ahead
   const EdgedImage geometry = GeometryOf(std::move(scene), 9, 9);
   ASSERT_GE(geometry.edges.height(), 9);

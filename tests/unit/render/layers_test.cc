@@ -21,27 +21,27 @@ using scene::Vec3;
 
 Material Mirror(float reflectance) {
   Material mirror;
-  mirror.base_color = {reflectance, reflectance, reflectance};
-  mirror.roughness = 0;
+  mirror.base.color = {reflectance, reflectance, reflectance};
+  mirror.base.roughness = 0;
   return mirror;
 }
 
 Material Glass(bool has_volume) {
   Material glass;
-  glass.metallic = 0;
-  glass.roughness = 0;
-  glass.transmission = 1;
-  glass.has_volume = has_volume;
-  glass.attenuation_color = {0.8f, 0.9f, 0.7f};
-  glass.attenuation_distance = 0.5f;
+  glass.base.metallic = 0;
+  glass.base.roughness = 0;
+  glass.transmission.factor = 1;
+  glass.volume.is_solid = has_volume;
+  glass.volume.attenuation_color = {0.8f, 0.9f, 0.7f};
+  glass.volume.attenuation_distance = 0.5f;
   return glass;
 }
 
 Material Polished() {
   Material polished;
-  polished.base_color = {0.6f, 0.5f, 0.4f};
-  polished.metallic = 0;
-  polished.roughness = 0;
+  polished.base.color = {0.6f, 0.5f, 0.4f};
+  polished.base.metallic = 0;
+  polished.base.roughness = 0;
   return polished;
 }
 
@@ -57,9 +57,9 @@ std::vector<std::pair<std::string, scene::Scene>> Rooms() {
   const Material hall = Mirror(0.8f);
   const Material polished = Polished();
   Material frosted_mix = Glass(false);
-  frosted_mix.transmission = 0.5f;  // half of it a diffuse base
+  frosted_mix.transmission.factor = 0.5f;  // half of it a diffuse base
   Material metal = Mirror(0.9f);
-  metal.roughness = 0.4f;
+  metal.base.roughness = 0.4f;
   return {
       {"mirror ball", testing::SmallRoom()}, {"mirror facing mirror", RoomOf(metal, &hall)},
       {"glass ball", RoomOf(Glass(true))},   {"thin glass in a hall of mirrors", RoomOf(Glass(false), &hall)},
@@ -210,17 +210,19 @@ TEST(Layers, LightInAMirrorIsThatOfTheReflectedSurface) {
     const double samples = SumOf(unit, "reflection1_samples_a.Y") + SumOf(unit, "reflection1_samples_b.Y");
     const double light = SumOf(unit, "reflection1_direct_a.G") + SumOf(unit, "reflection1_direct_b.G");
     ASSERT_GT(samples, 0);
-    EXPECT_NEAR(light / samples, expected_direct, 0.03 * expected_direct) << mirror.metallic;
+    EXPECT_NEAR(light / samples, expected_direct, 0.03 * expected_direct) << mirror.base.metallic;
     const double albedo = SumOf(unit, "reflection1_albedo.G") / (8 * 8 * 1024);
-    const double reflectance = mirror.metallic == 1 ? 0.5 : mirror.transmission == 1 ? 0.0769 : 0.04;
-    EXPECT_NEAR(albedo, 0.5 * reflectance, 0.02 * reflectance) << mirror.metallic;
+    const double reflectance = mirror.base.metallic == 1         ? 0.5
+                               : mirror.transmission.factor == 1 ? 0.0769
+                                                                 : 0.04;
+    EXPECT_NEAR(albedo, 0.5 * reflectance, 0.02 * reflectance) << mirror.base.metallic;
   }
 }
 
 TEST(Layers, GlossyLightIsIndependentOfTheMetalsColour) {
   Material metal;
-  metal.base_color = {0.9f, 0.6f, 0.2f};
-  metal.roughness = 0.5f;
+  metal.base.color = {0.9f, 0.6f, 0.2f};
+  metal.base.roughness = 0.5f;
   const LayeredImage unit = RenderAll(*MakeRenderer(testing::Furnace(metal), SettingsOf(8, 8)), 8, 8, 512);
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(MeanOf(unit, layers::kGlossy, c), 1, 0.03) << c;  // S is a table
   const double count = 8.0 * 8 * 512;

@@ -160,8 +160,8 @@ TEST(Lights, AllKindsTogetherGiveTheSumOfEach) {
   const auto picture_light = *Environment::Create(picture, 10, 1);
   scene::Scene room;
   scene::Material glossy = testing::Lambert({0.5f, 0.6f, 0.7f});
-  glossy.specular = 1;
-  glossy.roughness = 0.5f;
+  glossy.specular.factor = 1;
+  glossy.base.roughness = 0.5f;
   room.materials = {glossy, testing::Emitter({4, 4, 4})};
   testing::Place(&room, testing::SphereMesh(1, 12, 0));
   room.cameras = {testing::LookAt({0, 1, 4}, {0, 0, 0}, 0.6f)};
@@ -180,9 +180,9 @@ TEST(Lights, AllKindsTogetherGiveTheSumOfEach) {
   const double lamp = brightness(true, false, false, false);
   const double rest = brightness(false, true, false, false) + brightness(false, false, true, false);
   // The lamp occludes a part of the environment; without emission it shows what the environment contributes.
-  room.materials[1].emission = {1e-12f, 1e-12f, 1e-12f};
+  room.materials[1].emission.radiance = {1e-12f, 1e-12f, 1e-12f};
   const double environment_behind_lamp = brightness(true, false, false, true);
-  room.materials[1].emission = {4, 4, 4};
+  room.materials[1].emission.radiance = {4, 4, 4};
   const double sum = lamp + rest + environment_behind_lamp;
   EXPECT_NEAR(brightness(true, true, true, true) / sum, 1, 5e-3);
 }
@@ -191,7 +191,7 @@ TEST(Lights, AllStrategiesConvergeToTheSamePicture) {
   Scene lamps = Lamps(10);
   lamps.lights.clear();
   Scene lit = testing::SmallRoom();
-  lit.materials[4].roughness = 0.5f;
+  lit.materials[4].base.roughness = 0.5f;
   struct Case {
     Scene scene;
     double tolerance;

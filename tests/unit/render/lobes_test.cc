@@ -29,17 +29,17 @@ class Factors {
 
 Material RandomMaterial(Factors* next) {
   Material m;
-  m.base_color = {next->Next(), next->Next(), next->Next()};
-  m.metallic = next->Next();
-  m.roughness = next->Next();
-  m.specular = next->Next();
-  m.transmission = next->Next();
+  m.base.color = {next->Next(), next->Next(), next->Next()};
+  m.base.metallic = next->Next();
+  m.base.roughness = next->Next();
+  m.specular.factor = next->Next();
+  m.transmission.factor = next->Next();
   m.ior = 1.0f + 0.5f * next->Next();
-  m.has_volume = next->Next() > 0.5f;
-  m.clearcoat = next->Next();
-  m.clearcoat_roughness = next->Next();
-  m.sheen_color = Vec3{1, 1, 1} * (next->Next() > 0.5f ? 1.0f : 0.0f);
-  m.sheen_roughness = next->Next();
+  m.volume.is_solid = next->Next() > 0.5f;
+  m.clearcoat.factor = next->Next();
+  m.clearcoat.roughness = next->Next();
+  m.sheen.color = Vec3{1, 1, 1} * (next->Next() > 0.5f ? 1.0f : 0.0f);
+  m.sheen.roughness = next->Next();
   m.unlit = next->Next() * next->Next() * next->Next() == 1;
   return m;
 }

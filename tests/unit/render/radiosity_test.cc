@@ -20,7 +20,7 @@ constexpr int kManyBounces = 100;  // later bounces contribute less than any tol
 
 scene::Material Wall(float albedo, float emission) {
   scene::Material material = testing::Lambert({albedo, albedo, albedo});
-  material.emission = {emission, emission, emission};
+  material.emission.radiance = {emission, emission, emission};
   return material;
 }
 
@@ -143,7 +143,8 @@ std::vector<double> SolveRadiosity(const std::array<scene::Material, kFaces>& wa
       const scene::Material& wall = walls[i / kFacePatches];
       double arriving = 0;
       for (int j = 0; j < kAllPatches; ++j) arriving += factors[size_t{kAllPatches} * i + j] * radiance[j];
-      radiance[i] = static_cast<double>(wall.emission.x) + static_cast<double>(wall.base_color.x) * arriving;
+      radiance[i] =
+          static_cast<double>(wall.emission.radiance.x) + static_cast<double>(wall.base.color.x) * arriving;
     }
   }
   return radiance;

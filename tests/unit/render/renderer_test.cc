@@ -29,14 +29,14 @@ TEST(Renderer, WhiteFurnaceHoldsForLambert) {
 
 TEST(Renderer, WhiteFurnaceHoldsForMirrorAndGlass) {
   scene::Material mirror;
-  mirror.roughness = 0;
+  mirror.base.roughness = 0;
   EXPECT_NEAR(
       MeanOf(RenderAll(*MakeRenderer(testing::Furnace(mirror), 16, 16, 32), 16, 16, 64), layers::kNoisy), 1,
       1e-4);
   scene::Material glass = mirror;
-  glass.metallic = 0;
-  glass.transmission = 1;
-  glass.has_volume = true;
+  glass.base.metallic = 0;
+  glass.transmission.factor = 1;
+  glass.volume.is_solid = true;
   EXPECT_NEAR(
       MeanOf(RenderAll(*MakeRenderer(testing::Furnace(glass), 16, 16, 64), 16, 16, 256), layers::kNoisy), 1,
       5e-3);
@@ -45,17 +45,17 @@ TEST(Renderer, WhiteFurnaceHoldsForMirrorAndGlass) {
 TEST(Renderer, WhiteFurnaceHoldsForRoughMetalAndGlass) {
   for (const float roughness : {0.2f, 0.5f, 1.0f}) {
     scene::Material metal;
-    metal.roughness = roughness;
+    metal.base.roughness = roughness;
     const auto mean = [](const scene::Material& material) {
       return MeanOf(RenderAll(*MakeRenderer(testing::Furnace(material), 16, 16, 64), 16, 16, 256),
                     layers::kNoisy);
     };
     EXPECT_NEAR(mean(metal), 1, 0.01) << roughness;
     scene::Material glass = metal;
-    glass.metallic = 0;
-    glass.transmission = 1;
+    glass.base.metallic = 0;
+    glass.transmission.factor = 1;
     EXPECT_NEAR(mean(glass), 1, 0.01) << "thin, " << roughness;
-    glass.has_volume = true;
+    glass.volume.is_solid = true;
     EXPECT_NEAR(mean(glass), 1, 0.01) << "solid, " << roughness;
   }
 }
@@ -63,8 +63,8 @@ TEST(Renderer, WhiteFurnaceHoldsForRoughMetalAndGlass) {
 TEST(Renderer, CoatedWhiteLosesOnlySingleScatteringEnergy) {
   for (const float roughness : {0.0f, 0.3f, 0.6f, 1.0f}) {
     scene::Material plastic;
-    plastic.metallic = 0;
-    plastic.roughness = roughness;
+    plastic.base.metallic = 0;
+    plastic.base.roughness = roughness;
     const LayeredImage image = RenderAll(*MakeRenderer(testing::Furnace(plastic), 16, 16, 32), 16, 16, 256);
     EXPECT_NEAR(MeanOf(image, layers::kNoisy), 1, 0.01) << roughness;
   }
@@ -125,7 +125,7 @@ TEST(Renderer, GeometryOfAPlaneThatFacesTheCamera) {
 
 TEST(Renderer, MirrorsHaveNoDiffuseSurface) {
   scene::Material mirror;
-  mirror.roughness = 0;
+  mirror.base.roughness = 0;
   const LayeredImage geometry =
       MakeRenderer(testing::Furnace(mirror), 9, 9)->RenderGeometry({4, 4, 5, 5}, 0).pixels;
   EXPECT_EQ(geometry.Get(layers::kMask).At(0, 0), 0);

@@ -44,8 +44,8 @@ scene::Scene SceneOf(scene::ImageData image) {
   scene.images = {std::make_shared<const scene::ImageData>(std::move(image))};
   scene.textures = {{.image = 0}};
   scene.materials = {testing::Lambert({1, 1, 1})};
-  scene.materials[0].base_color_texture.texture = 0;
-  scene.materials[0].specular_texture.texture = 0;
+  scene.materials[0].base.color_texture.texture = 0;
+  scene.materials[0].specular.factor_texture.texture = 0;
   return scene;
 }
 
@@ -108,7 +108,7 @@ TEST(TransferTable, EncodesToTheNearestLinearValue) {
 TEST(TextureSampler, MagnifiesBilinearlyWhateverTheFootprint) {
   const scene::Scene scene = SceneOf(RandomImage(16, 16));
   const TextureSampler textures(scene);
-  const scene::TextureRef& ref = scene.materials[0].base_color_texture;
+  const scene::TextureRef& ref = scene.materials[0].base.color_texture;
   for (uint64_t i = 0; i < 100; ++i) {
     const Vec2 uv[2] = {{static_cast<float>(MixBits(i) >> 40) * 0x1p-24f, static_cast<float>(i) * 0.01f}, {}};
     const Vec4 point = textures.Sample(ref, uv, /*srgb=*/true);
@@ -124,7 +124,7 @@ TEST(TextureSampler, ReturnsTheMeanOverTheFootprint) {
   const TextureSampler textures(scene);
   const Vec2 uv[2] = {{0.3f, 0.6f}, {}};
   for (const bool srgb : {false, true}) {
-    const scene::TextureRef& ref = scene.materials[0].base_color_texture;
+    const scene::TextureRef& ref = scene.materials[0].base.color_texture;
     const scene::Vec3 mean = textures.Mean(ref, srgb);
     for (const float side : {1.0f, 50.0f, 1e30f}) {
       const Vec4 seen = textures.Sample(ref, uv, SquareOf(side), srgb);
@@ -147,9 +147,9 @@ TEST(TextureSampler, LongFootprintsDoNotBlurAcross) {
   tall.diameter[0][0] = {1.0f / 64, 0};
   tall.diameter[0][1] = {0, 7.5f / 64};
   const Vec2 uv[2] = {{0.45f, 0.5f}, {}};
-  EXPECT_LT(textures.Sample(scene.materials[0].base_color_texture, uv, tall, true).x, 0.01f);
+  EXPECT_LT(textures.Sample(scene.materials[0].base.color_texture, uv, tall, true).x, 0.01f);
   const Vec2 other[2] = {{0.55f, 0.5f}, {}};
-  EXPECT_GT(textures.Sample(scene.materials[0].base_color_texture, other, tall, true).x, 0.99f);
+  EXPECT_GT(textures.Sample(scene.materials[0].base.color_texture, other, tall, true).x, 0.99f);
 }
 
 /// A checkered floor up to the horizon at one sample per pixel: T is grey where fields are far smaller than

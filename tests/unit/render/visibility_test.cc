@@ -23,7 +23,7 @@ constexpr int kWallSize = 32;
 Material Black(AlphaMode mode, float alpha) {
   Material material = testing::Lambert({0, 0, 0});
   material.alpha_mode = mode;
-  material.alpha = alpha;
+  material.base.alpha = alpha;
   return material;
 }
 
@@ -35,7 +35,7 @@ void AddCheckeredAlpha(Scene* scene, Material* material) {
     image.rgba.insert(image.rgba.end(), {255, 255, 255, alpha});
   scene->images = {std::make_shared<const scene::ImageData>(image)};
   scene->textures = {{.image = 0, .nearest = true}};
-  material->base_color_texture.texture = 0;
+  material->base.color_texture.texture = 0;
 }
 
 /// A wide quad at height y that faces up.
@@ -149,7 +149,7 @@ TEST(Alpha, HalfTransparentLightsAgreeBySampleAndByHit) {
   Material light = testing::Emitter({4, 4, 4});
   const double opaque = Floor(light, {}).Mean(LightStrategy::kLightSamples, 64);
   light.alpha_mode = AlphaMode::kBlend;
-  light.alpha = 0.4f;
+  light.base.alpha = 0.4f;
   const Floor floor(light, {});
   floor.ExpectStrategiesAgree();
   EXPECT_NEAR(floor.Mean(LightStrategy::kLightSamples, 64), 0.4 * opaque, 0.02 * opaque);
@@ -157,10 +157,10 @@ TEST(Alpha, HalfTransparentLightsAgreeBySampleAndByHit) {
 
 Material Pane() {
   Material pane;
-  pane.base_color = {0.9f, 0.9f, 0.9f};
-  pane.metallic = 0;
-  pane.roughness = 0;
-  pane.transmission = 1;
+  pane.base.color = {0.9f, 0.9f, 0.9f};
+  pane.base.metallic = 0;
+  pane.base.roughness = 0;
+  pane.transmission.factor = 1;
   pane.double_sided = true;
   return pane;
 }
@@ -180,14 +180,14 @@ TEST(ThinGlass, AttenuatesDirectionalLightByItsTransmittance) {
   EXPECT_NEAR(SunThrough(Pane(), {}, 1), transmittance * free, 1e-4);
   EXPECT_NEAR(SunThrough(Pane(), {}, 2), transmittance * transmittance * free, 1e-4);
   Material rough = Pane();
-  rough.roughness = 0.5f;
+  rough.base.roughness = 0.5f;
   EXPECT_EQ(SunThrough(rough, {}, 1), 0);
 }
 
 TEST(Alpha, IsIndependentOfTilesAndPasses) {
   Scene scene = testing::SmallRoom();
   scene.materials[4].alpha_mode = AlphaMode::kBlend;
-  scene.materials[4].alpha = 0.5f;
+  scene.materials[4].base.alpha = 0.5f;
   const auto renderer = MakeRenderer(scene, SettingsOf(24, 18));
   RenderCounts counts;
   const LayeredImage whole = renderer->RenderPass({0, 0, 24, 18}, 0, {2, 6}, &counts).pixels;

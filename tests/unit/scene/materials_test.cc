@@ -33,18 +33,18 @@ Material MaterialOf(const json& material) {
 
 TEST(Materials, HaveGltfsDefaults) {
   const Material m = MaterialOf(json::object());
-  EXPECT_EQ(m.base_color, (Vec3{1, 1, 1}));
-  EXPECT_EQ(m.alpha, 1);
-  EXPECT_EQ(m.metallic, 1);
-  EXPECT_EQ(m.roughness, 1);
-  EXPECT_EQ(m.emission, (Vec3{0, 0, 0}));
+  EXPECT_EQ(m.base.color, (Vec3{1, 1, 1}));
+  EXPECT_EQ(m.base.alpha, 1);
+  EXPECT_EQ(m.base.metallic, 1);
+  EXPECT_EQ(m.base.roughness, 1);
+  EXPECT_EQ(m.emission.radiance, (Vec3{0, 0, 0}));
   EXPECT_EQ(m.alpha_mode, AlphaMode::kOpaque);
   EXPECT_EQ(m.alpha_cutoff, 0.5f);
   EXPECT_EQ(m.ior, 1.5f);
-  EXPECT_EQ(m.specular, 1);
-  EXPECT_EQ(m.transmission, 0);
-  EXPECT_FALSE(m.double_sided || m.unlit || m.has_volume);
-  EXPECT_EQ(m.base_color_texture.texture, kNone);
+  EXPECT_EQ(m.specular.factor, 1);
+  EXPECT_EQ(m.transmission.factor, 0);
+  EXPECT_FALSE(m.double_sided || m.unlit || m.volume.is_solid);
+  EXPECT_EQ(m.base.color_texture.texture, kNone);
 }
 
 TEST(Materials, ReadMetallicRoughness) {
@@ -63,15 +63,15 @@ TEST(Materials, ReadMetallicRoughness) {
   EXPECT_TRUE(m.double_sided);
   EXPECT_EQ(m.alpha_mode, AlphaMode::kMask);
   EXPECT_EQ(m.alpha_cutoff, 0.25f);
-  EXPECT_EQ(m.base_color, (Vec3{0.1f, 0.2f, 0.3f}));
-  EXPECT_EQ(m.alpha, 0.4f);
-  EXPECT_EQ(m.metallic, 0.5f);
-  EXPECT_EQ(m.roughness, 0.75f);
-  EXPECT_EQ(m.base_color_texture.texture, 0);
-  EXPECT_EQ(m.metallic_roughness_texture.texture, 0);
-  EXPECT_EQ(m.normal_texture.texture, 0);
-  EXPECT_EQ(m.normal_texture.uv_set, 1);
-  EXPECT_EQ(m.normal_scale, 0.5f);
+  EXPECT_EQ(m.base.color, (Vec3{0.1f, 0.2f, 0.3f}));
+  EXPECT_EQ(m.base.alpha, 0.4f);
+  EXPECT_EQ(m.base.metallic, 0.5f);
+  EXPECT_EQ(m.base.roughness, 0.75f);
+  EXPECT_EQ(m.base.color_texture.texture, 0);
+  EXPECT_EQ(m.base.metallic_roughness_texture.texture, 0);
+  EXPECT_EQ(m.normal_map.texture.texture, 0);
+  EXPECT_EQ(m.normal_map.texture.uv_set, 1);
+  EXPECT_EQ(m.normal_map.scale, 0.5f);
 }
 
 TEST(Materials, ReadExtensions) {
@@ -88,29 +88,30 @@ TEST(Materials, ReadExtensions) {
           {{"thicknessFactor", 0.1},
            {"attenuationDistance", 2.5},
            {"attenuationColor", {0.9, 0.8, 0.7}}}}}}});
-  EXPECT_EQ(m.emission, (Vec3{20, 10, 0}));
+  EXPECT_EQ(m.emission.radiance, (Vec3{20, 10, 0}));
   EXPECT_EQ(m.alpha_mode, AlphaMode::kBlend);
   EXPECT_EQ(m.ior, 1.33f);
-  EXPECT_EQ(m.specular, 0.25f);
-  EXPECT_EQ(m.specular_color, (Vec3{1, 0.5f, 2}));
-  EXPECT_EQ(m.transmission, 1);
+  EXPECT_EQ(m.specular.factor, 0.25f);
+  EXPECT_EQ(m.specular.color, (Vec3{1, 0.5f, 2}));
+  EXPECT_EQ(m.transmission.factor, 1);
   EXPECT_TRUE(m.unlit);
-  EXPECT_TRUE(m.has_volume);
-  EXPECT_EQ(m.attenuation_distance, 2.5f);
-  EXPECT_EQ(m.attenuation_color, (Vec3{0.9f, 0.8f, 0.7f}));
+  EXPECT_TRUE(m.volume.is_solid);
+  EXPECT_EQ(m.volume.attenuation_distance, 2.5f);
+  EXPECT_EQ(m.volume.attenuation_color, (Vec3{0.9f, 0.8f, 0.7f}));
 }
 
 TEST(Materials, AreThinWithoutThickness) {
-  EXPECT_FALSE(MaterialOf({{"extensions", {{"KHR_materials_volume", {{"thicknessFactor", 0}}}}}}).has_volume);
+  EXPECT_FALSE(
+      MaterialOf({{"extensions", {{"KHR_materials_volume", {{"thicknessFactor", 0}}}}}}).volume.is_solid);
 }
 
 TEST(Materials, ClampFactorsAndCountIt) {
   const Scene scene =
       MustLoad(WithMaterial({{"pbrMetallicRoughness", {{"roughnessFactor", 1.5}, {"metallicFactor", -1}}},
                              {"emissiveFactor", {-1, 0, 0}}}));
-  EXPECT_EQ(scene.materials[0].roughness, 1);
-  EXPECT_EQ(scene.materials[0].metallic, 0);
-  EXPECT_EQ(scene.materials[0].emission.x, 0);
+  EXPECT_EQ(scene.materials[0].base.roughness, 1);
+  EXPECT_EQ(scene.materials[0].base.metallic, 0);
+  EXPECT_EQ(scene.materials[0].emission.radiance.x, 0);
   EXPECT_THAT(scene.warnings,
               Contains("values of roughnessFactor outside 0 to 1 clamped: 1 (the first in material 0)"));
 }
@@ -125,7 +126,7 @@ TEST(Materials, TransformTextureCoordinates) {
                                          {"scale", {2, 3}},
                                          {"rotation", 1.5707963267948966},
                                          {"texCoord", 1}}}}}}}}}});
-  const TextureRef& ref = m.base_color_texture;
+  const TextureRef& ref = m.base.color_texture;
   EXPECT_EQ(ref.uv_set, 1);
   // A rotation by 90 degrees counter-clockwise, with v down, maps +u to -v and +v to +u.
   EXPECT_NEAR(ref.row_u.x, 0, 1e-6);
@@ -147,11 +148,11 @@ TEST(Materials, DecodeASharedImageOnce) {
   EXPECT_EQ(scene.images[0]->width, 2);
   EXPECT_EQ(scene.images[0]->rgba[0], 255);
   ASSERT_EQ(scene.textures.size(), 2u);
-  const Texture& base = scene.textures[scene.materials[0].base_color_texture.texture];
+  const Texture& base = scene.textures[scene.materials[0].base.color_texture.texture];
   EXPECT_EQ(base.wrap_s, Wrap::kClamp);
   EXPECT_EQ(base.wrap_t, Wrap::kMirror);
   EXPECT_TRUE(base.nearest);
-  const Texture& emission = scene.textures[scene.materials[0].emission_texture.texture];
+  const Texture& emission = scene.textures[scene.materials[0].emission.texture.texture];
   EXPECT_EQ(emission.wrap_s, Wrap::kRepeat);
   EXPECT_FALSE(emission.nearest);
 }
@@ -224,17 +225,17 @@ TEST(Materials, ReadCoatAndSheen) {
                                      {"sheenColorTexture", {{"index", 0}}},
                                      {"sheenRoughnessFactor", 0.75},
                                      {"sheenRoughnessTexture", {{"index", 0}}}}}}}});
-  EXPECT_EQ(m.clearcoat, 0.5f);
-  EXPECT_EQ(m.clearcoat_texture.texture, 0);
-  EXPECT_EQ(m.clearcoat_texture.uv_set, 1);
-  EXPECT_EQ(m.clearcoat_roughness, 0.25f);
-  EXPECT_EQ(m.clearcoat_roughness_texture.texture, 0);
-  EXPECT_EQ(m.clearcoat_normal_texture.texture, 0);
-  EXPECT_EQ(m.clearcoat_normal_scale, 0.5f);
-  EXPECT_EQ(m.sheen_color, (Vec3{0.1f, 0.2f, 0.3f}));
-  EXPECT_EQ(m.sheen_color_texture.texture, 0);
-  EXPECT_EQ(m.sheen_roughness, 0.75f);
-  EXPECT_EQ(m.sheen_roughness_texture.texture, 0);
+  EXPECT_EQ(m.clearcoat.factor, 0.5f);
+  EXPECT_EQ(m.clearcoat.factor_texture.texture, 0);
+  EXPECT_EQ(m.clearcoat.factor_texture.uv_set, 1);
+  EXPECT_EQ(m.clearcoat.roughness, 0.25f);
+  EXPECT_EQ(m.clearcoat.roughness_texture.texture, 0);
+  EXPECT_EQ(m.clearcoat.normal_map.texture.texture, 0);
+  EXPECT_EQ(m.clearcoat.normal_map.scale, 0.5f);
+  EXPECT_EQ(m.sheen.color, (Vec3{0.1f, 0.2f, 0.3f}));
+  EXPECT_EQ(m.sheen.color_texture.texture, 0);
+  EXPECT_EQ(m.sheen.roughness, 0.75f);
+  EXPECT_EQ(m.sheen.roughness_texture.texture, 0);
 }
 
 TEST(Materials, ReadTexturesOfExtensions) {
@@ -246,11 +247,11 @@ TEST(Materials, ReadTexturesOfExtensions) {
            {"specularColorTexture", {{"index", 0}}}}},
          {"KHR_materials_transmission",
           {{"transmissionFactor", 1}, {"transmissionTexture", {{"index", 0}}}}}}}});
-  EXPECT_EQ(m.specular_texture.texture, 0);
-  EXPECT_EQ(m.specular_texture.offset.x, 0.5f);
-  EXPECT_EQ(m.specular_texture.offset.y, 0.25f);
-  EXPECT_EQ(m.specular_color_texture.texture, 0);
-  EXPECT_EQ(m.transmission_texture.texture, 0);
+  EXPECT_EQ(m.specular.factor_texture.texture, 0);
+  EXPECT_EQ(m.specular.factor_texture.offset.x, 0.5f);
+  EXPECT_EQ(m.specular.factor_texture.offset.y, 0.25f);
+  EXPECT_EQ(m.specular.color_texture.texture, 0);
+  EXPECT_EQ(m.transmission.texture.texture, 0);
 }
 
 TEST(Materials, RefuseMalformedTexturesOfExtensions) {
@@ -274,7 +275,7 @@ TEST(Materials, CountTexturesThatTheRendererDoesNotUse) {
   const Scene scene = MustLoad(
       WithMaterial({{"normalTexture", {{"index", 0}, {"texCoord", 3}}},
                     {"extensions", {{"KHR_materials_volume", {{"thicknessTexture", {{"index", 0}}}}}}}}));
-  EXPECT_EQ(scene.materials[0].normal_texture.uv_set, 0);
+  EXPECT_EQ(scene.materials[0].normal_map.texture.uv_set, 0);
   EXPECT_THAT(
       scene.warnings,
       Contains(

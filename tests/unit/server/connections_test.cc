@@ -99,7 +99,7 @@ TEST_F(ConnectionsTest, StopsPromptlyWithStreamsOpen) {
 
 TEST_F(ConnectionsTest, ATakenPortIsNamed) {
   ServerOptions options = Options();
-  options.data_dir = folder_.PathOf("other");
+  options.data.folder = folder_.PathOf("other");
   options.listen = "127.0.0.1:" + std::to_string(server_->port());
   const absl::Status status = Server::Start(options).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable);
@@ -108,10 +108,10 @@ TEST_F(ConnectionsTest, ATakenPortIsNamed) {
 
 TEST_F(ConnectionsTest, OffLoopbackIsClosedByDefault) {
   ServerOptions options = Options();
-  options.data_dir = folder_.PathOf("other");
+  options.data.folder = folder_.PathOf("other");
   options.listen = "0.0.0.0:0";
   EXPECT_EQ(Server::Start(options).status().code(), absl::StatusCode::kFailedPrecondition);
-  EXPECT_FALSE(std::filesystem::exists(options.data_dir));
+  EXPECT_FALSE(std::filesystem::exists(options.data.folder));
 }
 
 TEST_F(ConnectionsTest, AConnectionWithoutACallIsClosed) {

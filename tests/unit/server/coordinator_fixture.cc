@@ -1,4 +1,5 @@
 #include "tests/unit/server/coordinator_fixture.h"
+#include "server/storage/folder_contents.h"
 
 #include <spdlog/logger.h>
 #include <spdlog/sinks/ostream_sink.h>
@@ -165,7 +166,7 @@ absl::Status CoordinatorFixture::Start() {
   absl::StatusOr<rpc::FileHandle> lock = data_.Claim();
   if (!lock.ok()) return lock.status();
   lock_ = *std::move(lock);
-  if (absl::Status status = data_.RemoveLeftovers(); !status.ok()) return status;
+  if (absl::Status status = RemoveLeftovers(data_); !status.ok()) return status;
   if (absl::Status status = CheckHasLedger(data_); !status.ok()) return status;
   absl::StatusOr<std::unique_ptr<ledger::JobStore>> store = ledger::OpenSqliteJobStore(data_.LedgerPath());
   if (!store.ok()) return AdviseRecovery(data_, store.status());
@@ -178,8 +179,8 @@ absl::Status CoordinatorFixture::Start() {
   options_.wall_now = [] { return absl::Now(); };
   options_.random = [this] { return std::hash<std::string>()(folder_.path()) + ++random_; };
   options_.log = std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::ostream_sink_mt>(log_));
-  options_.storage_pauses.first = absl::Milliseconds(1);
-  options_.storage_pauses.longest = absl::Milliseconds(2);
+  options_.storage.pauses.first = absl::Milliseconds(1);
+  options_.storage.pauses.longest = absl::Milliseconds(2);
   absl::StatusOr<std::unique_ptr<Coordinator>> coordinator =
       Coordinator::Create(options_, data_, store_.get(), assets_.get(), finisher_.get());
   if (!coordinator.ok()) return coordinator.status();

@@ -27,7 +27,7 @@ void SetDeadline(grpc::ClientContext* context) {
 
 ServerOptions FarmFixture::Options() const {
   ServerOptions options;
-  options.data_dir = folder_.PathOf("data");
+  options.data.folder = folder_.PathOf("data");
   options.listen = "127.0.0.1:0";
   return options;
 }

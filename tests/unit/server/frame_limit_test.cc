@@ -98,7 +98,7 @@ TEST_F(FramesInFlightTest, ManyMoreFramesThanDescriptorsEndWell) {
     finisher = made.get();
     return made;
   };
-  options_.max_open_logs = MaxOpenLogs();
+  options_.storage.max_open_logs = MaxOpenLogs();
   ASSERT_TRUE(Start().ok());
   v1::JobSpec spec = Spec();
   spec.set_frame_count(kFrames);
@@ -107,7 +107,7 @@ TEST_F(FramesInFlightTest, ManyMoreFramesThanDescriptorsEndWell) {
   // The finisher waits: only as many frames are begun as may be in flight.
   while (worker.Deliver() > 0 || worker.acknowledged().size() < worker.leased().size())
     absl::SleepFor(absl::Milliseconds(1));
-  EXPECT_LE(worker.leased().size(), 2 * options_.max_open_logs);
+  EXPECT_LE(worker.leased().size(), 2 * options_.storage.max_open_logs);
   finisher->Allow(kFrames);
   const v1::JobStatus status = Finish(job, &worker);
   EXPECT_EQ(status.state(), v1::JOB_STATE_DONE) << status.error();

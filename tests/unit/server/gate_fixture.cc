@@ -32,7 +32,7 @@ absl::StatusOr<access::Identity> BelievedCallers::Of(const grpc::CallbackServerC
 
 void GateFixture::StartGate(const CallLimits& calls, const JobLimits& jobs) {
   options_.limits = jobs;
-  options_.events = &events_;
+  options_.job_log.events = &events_;
   if (coordinator_ == nullptr) {
     ASSERT_TRUE(Start().ok());
   }

@@ -92,8 +92,8 @@ TEST_F(HealthTest, IsNotServingWhileTheStorageCannotBeWritten) {
   StopServer();
   FaultyFiles files;
   ServerOptions options = Options();
-  options.files = &files;
-  options.storage_pauses.first = absl::Milliseconds(10);
+  options.data.files = &files;
+  options.data.storage.pauses.first = absl::Milliseconds(10);
   StartServer(options);
   const v1::JobSpec spec = Spec();
   GenericStream farm(Channel(), kWatch, StringField(1, "lumifold.v1.FarmService"));
@@ -111,8 +111,8 @@ TEST_F(HealthTest, TheCommandTellsServingFromAnsweringFromNothing) {
   StopServer();
   FaultyFiles files;
   ServerOptions options = Options();
-  options.files = &files;
-  options.storage_pauses.longest = absl::Milliseconds(10);
+  options.data.files = &files;
+  options.data.storage.pauses.longest = absl::Milliseconds(10);
   StartServer(options);
   HealthCheckOptions check{.address = absl::StrCat("127.0.0.1:", server_->port())};
   HealthCheckOptions answers = check;

@@ -178,7 +178,7 @@ TEST_F(JobLifeTest, AReopenedJobSurvivesARestart) {
 }
 
 TEST_F(JobLifeTest, WithoutItsFilmAJobIsRenderedAgainWholly) {
-  RestartWith([](ServerOptions& options) { options.retention.film_bytes = 0; });
+  RestartWith([](ServerOptions& options) { options.data.retention.film_bytes = 0; });
   const std::string job = DoneJob("few");
   WaitFor([&] { return !fs::exists(PathIn("film", job)); });
   ASSERT_TRUE(AddSamples(job, 21).ok());
@@ -340,7 +340,7 @@ TEST_F(JobLifeTest, FilmOfTheJobsThatEndedFirstGoesFirst) {
   for (const auto& entry : fs::recursive_directory_iterator(PathIn("film", second)))
     film += entry.is_regular_file() ? entry.file_size() : 0;
   ServerOptions options = Options();
-  options.retention.film_bytes = film + film / 2;  // of one job
+  options.data.retention.film_bytes = film + film / 2;  // of one job
   StartServer(options);
   WaitFor([&] { return !fs::exists(PathIn("film", first)); });
   EXPECT_TRUE(fs::exists(PathIn("film", second)));
@@ -350,14 +350,14 @@ TEST_F(JobLifeTest, FilmOfTheJobsThatEndedFirstGoesFirst) {
 TEST_F(JobLifeTest, JobsAreDeletedAtTheirAge) {
   const std::string job = DoneJob("old");
   WaitFor([&] { return fs::exists(PathIn("results", job) + "/manifest"); });
-  RestartWith([](ServerOptions& options) { options.retention.keep_results = absl::Hours(1); });
+  RestartWith([](ServerOptions& options) { options.data.retention.keep_results = absl::Hours(1); });
   const std::string young = DoneJob("young");
   EXPECT_TRUE(Get(job).ok());
   StopServer();
   fs::last_write_time(PathIn("results", job) + "/manifest",
                       fs::file_time_type::clock::now() - std::chrono::hours(2));
   ServerOptions options = Options();
-  options.retention.keep_results = absl::Hours(1);
+  options.data.retention.keep_results = absl::Hours(1);
   StartServer(options);
   WaitFor([&] { return absl::IsNotFound(Get(job).status()); });
   WaitFor([&] { return !fs::exists(PathIn("results", job)); });
@@ -368,7 +368,7 @@ TEST_F(JobLifeTest, TheQuotaRemovesEndedJobsAndThenRefusesNewOnes) {
   const std::string job = DoneJob("done");
   const std::string running = BegunJob("running");
   const v1::JobSpec spec = Spec();
-  RestartWith([](ServerOptions& options) { options.retention.quota_bytes = 1000; });
+  RestartWith([](ServerOptions& options) { options.data.retention.quota_bytes = 1000; });
   WaitFor([&] { return absl::IsNotFound(Get(job).status()); });
   const absl::Status refused = Submit(spec, "new").status();
   EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
@@ -381,7 +381,7 @@ TEST_F(JobLifeTest, TheQuotaRemovesEndedJobsAndThenRefusesNewOnes) {
 }
 
 TEST_F(JobLifeTest, AnUploadThatExceedsTheQuotaIsRefused) {
-  RestartWith([](ServerOptions& options) { options.retention.quota_bytes = 1'000'000; });
+  RestartWith([](ServerOptions& options) { options.data.retention.quota_bytes = 1'000'000; });
   v1::AssetRef asset;
   asset.set_sha256(std::string(64, 'a'));
   asset.set_size(Limits().assets.asset_bytes);

@@ -12,7 +12,7 @@ class ServerProcessTest : public FarmFixture {
  protected:
   void StartProcess() {
     StopServer();
-    process_ = std::make_unique<ServerProcess>(Options().data_dir, folder_.PathOf("log"));
+    process_ = std::make_unique<ServerProcess>(Options().data.folder, folder_.PathOf("log"));
     ASSERT_GT(process_->port(), 0);
     process_port_ = process_->port();
   }

@@ -526,7 +526,7 @@ TEST_F(ServerTest, WithinOneProcessThePictureIsTheSame) {
   const std::string expected = RenderUndisturbed();
   StopServer();
   ServerOptions options = Options();
-  options.data_dir = folder_.PathOf("local");
+  options.data.folder = folder_.PathOf("local");
   options.listen = "";
   StartServer(options);
   EXPECT_EQ(server_->port(), 0);
@@ -558,7 +558,7 @@ TEST_F(ServerTest, LeasesOfASilentWorkerExpireAndGoToOthers) {
 
 TEST_F(ServerTest, ALeaseMustOutlastTwoHeartbeats) {
   ServerOptions options = Options();
-  options.data_dir = folder_.PathOf("other");
+  options.data.folder = folder_.PathOf("other");
   options.lease = absl::Seconds(5);
   EXPECT_EQ(Server::Start(options).status().code(), absl::StatusCode::kInvalidArgument);
 }

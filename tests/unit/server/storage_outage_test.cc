@@ -20,7 +20,7 @@ class StorageOutageTest : public CoordinatorFixture {
     wrap_store_ = [this](std::unique_ptr<ledger::JobStore> store) {
       return std::make_unique<FailingStore>(std::move(store), &fault_);
     };
-    options_.reserve_bytes = 1 << 20;
+    options_.storage.reserve_bytes = 1 << 20;
   }
 
   std::string UndisturbedResult(int tiles) {
@@ -131,7 +131,7 @@ TEST_F(StorageOutageTest, TheReserveIsGivenUpForTheLedgerAndTakenAgain) {
   PumpedWorker worker(coordinator_.get(), 1);
   Deliver(&worker, 1);
   Await([&] { return worker.acknowledged().size() == 1; });
-  EXPECT_EQ(ReserveBytes(), options_.reserve_bytes);
+  EXPECT_EQ(ReserveBytes(), options_.storage.reserve_bytes);
   files_.Fail(ENOSPC, "/film/");
   Deliver(&worker, 1);
   AwaitOutage();
@@ -142,7 +142,7 @@ TEST_F(StorageOutageTest, TheReserveIsGivenUpForTheLedgerAndTakenAgain) {
   EXPECT_EQ(worker.acknowledged().size(), 1u);
   files_.Heal();
   EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
-  EXPECT_EQ(ReserveBytes(), options_.reserve_bytes);
+  EXPECT_EQ(ReserveBytes(), options_.storage.reserve_bytes);
 }
 
 TEST_F(StorageOutageTest, ALogThatAloneCannotBeWrittenIsSetAsideAndItsUnitsAreRenderedAgain) {

@@ -45,7 +45,7 @@ double Mean(const RenderedPicture& out) { return Mean(ViewOf(out.picture)); }
 scene::Scene GlowingBox(float albedo, float emission) {
   scene::Scene scene;
   scene.materials = {testing::Lambert({albedo, albedo, albedo})};
-  scene.materials[0].emission = {emission, emission, emission};
+  scene.materials[0].emission.radiance = {emission, emission, emission};
   testing::PlaceBoxInside(&scene, 1, {0, 0, 0, 0, 0, 0});
   scene.cameras = {testing::LookAt({0.3f, 0, 0.2f}, {0, -1, 0.1f}, 1)};
   return scene;
@@ -208,7 +208,7 @@ TEST(RenderMethods, TakeAboutAsManySamplesAsTheyMay) {
 
 TEST(RenderMethods, StayFiniteInTheDarkAndOnOnePixel) {
   scene::Scene dark = testing::SmallRoom();
-  for (scene::Material& material : dark.materials) material.emission = {};
+  for (scene::Material& material : dark.materials) material.emission.radiance = {};
   for (const RenderMethod& method : RenderMethods()) {
     EXPECT_EQ(Mean(Render(method, dark, SettingsOf(9, 5, 2), 4)), 0) << method.info.name;
     EXPECT_TRUE(std::isfinite(Mean(Render(method, testing::SmallRoom(), SettingsOf(1, 1, 2), 2))))

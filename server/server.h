@@ -9,7 +9,6 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "filter/image/file_system.h"
-#include "proto/retry/pauses.h"
 #include "proto/rpc/monotonic.h"
 #include "server/access/access_control.h"
 #include "server/limits.h"

@@ -18,8 +18,8 @@ absl::Status StorageError(const std::string& path, int64_t error);
 /// kUnavailable: "cannot write PATH: ...".
 absl::Status WriteError(const std::string& path, int64_t error);
 
-/// Reads from the file's position on, as read(2). Returns the number of bytes, 0 at the end; or minus the error
-/// number.
+/// Reads from the file's position on, as read(2). Returns the number of bytes, 0 at the end; or minus the
+/// error number.
 int64_t ReadNext(int file, char* bytes, size_t size);
 /// Reads from `offset` on until there are `size` bytes or the file ends. Returns their number, or minus the
 /// error number.

@@ -9,16 +9,16 @@
 
 namespace lumifold::logging {
 
-/// Lines on their way to a file that may hang: a bounded queue, and a thread that writes what waits, in order.
-/// Threads: safe.
+/// Lines on their way to a file that may hang: a bounded queue, and a thread that writes what waits, in
+/// order. Threads: safe.
 class LineWriter {
  public:
   /// What the thread writes to.
   class File {
    public:
     virtual ~File() = default;
-    /// Writes whole lines; may block. `dropped`: how many did not fit into the queue after them, and before the
-    /// lines of the next call.
+    /// Writes whole lines; may block. `dropped`: how many did not fit into the queue after them, and before
+    /// the lines of the next call.
     virtual void Write(std::string_view lines, uint64_t dropped) = 0;
   };
   struct Options {
@@ -33,8 +33,8 @@ class LineWriter {
   LineWriter& operator=(const LineWriter&) = delete;
   ~LineWriter();
 
-  /// Takes a line, with its end; never waits for the file. A line that does not fit is dropped and counted, and
-  /// so are all after it until the thread takes what waits.
+  /// Takes a line, with its end; never waits for the file. A line that does not fit is dropped and counted,
+  /// and so are all after it until the thread takes what waits.
   void Add(std::string_view line);
 
  private:

@@ -13,8 +13,8 @@ namespace lumifold::retry {
 class Schedule {
  public:
   explicit Schedule(const Pauses& pauses) : pauses_(pauses) {}
-  /// `jitter` returns random numbers in [0, 1). Each shortens a pause by up to a half, so that many callers do
-  /// not return at the same time.
+  /// `jitter` returns random numbers in [0, 1). Each shortens a pause by up to a half, so that many callers
+  /// do not return at the same time.
   Schedule(const Pauses& pauses, std::function<double()> jitter)
       : pauses_(pauses), jitter_(std::move(jitter)) {}
 

@@ -28,8 +28,8 @@ enum class Stream {
 struct ChildOptions {
   /// The program, looked for on PATH unless it has a slash, and its arguments.
   std::vector<std::string> words;
-  /// Changes of this process's environment: "NAME=VALUE" sets a variable, "NAME" takes it out, and "NAME*" all
-  /// that begin so.
+  /// Changes of this process's environment: "NAME=VALUE" sets a variable, "NAME" takes it out, and "NAME*"
+  /// all that begin so.
   std::vector<std::string> environment = {};
   Stream in = Stream::kInherited;
   Stream out = Stream::kInherited;

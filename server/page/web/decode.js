@@ -4,9 +4,16 @@
 export const HALVES = (() => {
   const values = new Float32Array(65536);
   for (let bits = 0; bits < 65536; ++bits) {
-    const exponent = (bits >> 10) & 31, mantissa = bits & 1023;
-    const size = exponent === 0 ? mantissa * 2 ** -24
-      : exponent === 31 ? (mantissa ? NaN : Infinity) : (1024 + mantissa) * 2 ** (exponent - 25);
+    const exponent = (bits >> 10) & 31,
+      mantissa = bits & 1023;
+    const size =
+      exponent === 0
+        ? mantissa * 2 ** -24
+        : exponent === 31
+          ? mantissa
+            ? NaN
+            : Infinity
+          : (1024 + mantissa) * 2 ** (exponent - 25);
     values[bits] = bits & 0x8000 ? -size : size;
   }
   return values;
@@ -34,7 +41,9 @@ export function parsePreview(buffer) {
 /** Takes pieces of an event stream and calls `take(name, value)` for each event that is complete. */
 export function eventReader(take) {
   const decoder = new TextDecoder();
-  let text = "", name = "message", data = [];
+  let text = "",
+    name = "message",
+    data = [];
   return (bytes) => {
     text += decoder.decode(bytes, {stream: true});
     const lines = text.split("\n");

@@ -31,7 +31,8 @@ async function fetchApi(path, options = {}) {
     cache: "no-store",
   });
   if (answer.ok) return answer;
-  const {error} = await answer.json().catch(() => ({error: {code: "UNKNOWN", message: `HTTP ${answer.status}`}}));
+  const unknown = {error: {code: "UNKNOWN", message: `HTTP ${answer.status}`}};
+  const {error} = await answer.json().catch(() => unknown);
   throw new ApiError(answer.status, error.code, error.message);
 }
 
@@ -46,7 +47,10 @@ export async function call(method, request = {}) {
   return answer.json();
 }
 
-/** A preview that is newer than the units `newer`, of all or of the `region` "x0,y0,x1,y1"; null if there is none yet. */
+/**
+ * A preview that is newer than the units `newer`, of all or of the `region` "x0,y0,x1,y1"; null if there is
+ * none yet.
+ */
 export async function preview(job, frame, layer, newer, signal, region) {
   const query = new URLSearchParams({job, frame, layer, newer, ...(region && {region})});
   const answer = await fetchApi(`preview?${query}`, {signal});
@@ -54,8 +58,8 @@ export async function preview(job, frame, layer, newer, signal, region) {
 }
 
 /**
- * Follows the farm for as long as the link is valid: `take(name, value)` for each event, `state(text, lost)` for the connection.
- * Ends with the error of a link that is not valid.
+ * Follows the farm for as long as the link is valid: `take(name, value)` for each event, `state(text, lost)`
+ * for the connection. Ends with the error of a link that is not valid.
  */
 export async function follow(take, state) {
   for (let lost = 0; ; ++lost) {

@@ -42,7 +42,9 @@ export class Strip {
   }
 
   mark(frame) {
-    for (const [number, {button}] of this.thumbs ?? []) button.setAttribute("aria-current", String(number === frame));
+    for (const [number, {button}] of this.thumbs ?? []) {
+      button.setAttribute("aria-current", String(number === frame));
+    }
   }
 
   /** A picture of a frame was fetched, for the viewer or for the strip. */
@@ -64,7 +66,8 @@ export class Strip {
     this.filling = true;
     const job = this.job;
     try {
-      let missing = [...this.thumbs].filter(([, thumb]) => !thumb.finished).slice(0, Math.max(framesDone, 0) + 2);
+      const most = Math.max(framesDone, 0) + 2;
+      let missing = [...this.thumbs].filter(([, thumb]) => !thumb.finished).slice(0, most);
       for (const [frame] of missing) {
         const picture = await preview(job, frame, "", 0).catch(() => null);
         if (this.job !== job) return;

@@ -1,8 +1,10 @@
 // Numbers and states in words.
 
 export const STATES = {
-  JOB_STATE_SUBMITTED: "submitted", JOB_STATE_PLANNED: "planned", JOB_STATE_RUNNING: "running", JOB_STATE_FILTERING: "filtering",
-  JOB_STATE_DONE: "done", JOB_STATE_FAILED: "failed", JOB_STATE_CANCELLED: "cancelled", JOB_STATE_PAUSED: "paused",
+  JOB_STATE_SUBMITTED: "submitted", JOB_STATE_PLANNED: "planned", JOB_STATE_RUNNING: "running",
+  JOB_STATE_FILTERING: "filtering",
+  JOB_STATE_DONE: "done", JOB_STATE_FAILED: "failed", JOB_STATE_CANCELLED: "cancelled",
+  JOB_STATE_PAUSED: "paused",
 };
 const ENDED = ["done", "failed", "cancelled"];
 
@@ -28,7 +30,10 @@ export function progressOf(job) {
   return total > 0 ? Math.min(1, Number(job.samples_done) / total) : 0;
 }
 
-/** Guesses the time that a job needs from how fast its progress was seen to grow. Forgets what is older than `memory` seconds. */
+/**
+ * Guesses the time that a job needs from how fast its progress was seen to grow. Forgets what is older than
+ * `memory` seconds.
+ */
 export class TimeLeft {
   constructor(memory = 60) {
     this.memory = memory;

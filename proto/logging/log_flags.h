@@ -8,7 +8,8 @@ class App;
 
 namespace lumifold::logging {
 
-/// Adds --log-level and --log-format, which set `options`, to a program that logs. `options` must outlive `app`.
+/// Adds --log-level and --log-format, which set `options`, to a program that logs. `options` must outlive
+/// `app`.
 void AddLogFlags(CLI::App* app, LogOptions* options);
 
 }  // namespace lumifold::logging

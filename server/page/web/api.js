@@ -31,9 +31,8 @@ async function fetchApi(path, options = {}) {
     cache: "no-store",
   });
   if (answer.ok) return answer;
-  const {error} = await answer
-    .json()
-    .catch(() => ({error: {code: "UNKNOWN", message: `HTTP ${answer.status}`}}));
+  const unknown = {error: {code: "UNKNOWN", message: `HTTP ${answer.status}`}};
+  const {error} = await answer.json().catch(() => unknown);
   throw new ApiError(answer.status, error.code, error.message);
 }
 
@@ -43,9 +42,7 @@ export async function session() {
 
 export async function call(method, request = {}) {
   const answer = await fetchApi(`call/${method}`, {
-    method: "POST",
-    headers: {"Content-Type": "application/json"},
-    body: JSON.stringify(request),
+    method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify(request),
   });
   return answer.json();
 }

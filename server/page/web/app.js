@@ -9,32 +9,17 @@ import {TimeLeft, progressOf, stateOf} from "/words.js";
 
 const $ = (id) => document.getElementById(id);
 const state = {
-  user: null,
-  jobs: new Map(),
-  ids: [],
-  more: false,
-  workers: [],
-  server: null,
-  job: null,
-  frame: 0,
+  user: null, jobs: new Map(), ids: [], more: false, workers: [], server: null, job: null, frame: 0,
 };
 const entries = new Map();
 const left = new Map();
 let loops = new AbortController();
 let closeLoops = new AbortController();
 
-const viewer = new Viewer(
-  {
-    viewer: $("viewer"),
-    canvas: $("canvas"),
-    region: $("region"),
-    split: $("split"),
-    waiting: $("waiting"),
-    values: $("values"),
-    legend: $("legend"),
-  },
-  followRegion
-);
+const viewer = new Viewer({
+  viewer: $("viewer"), canvas: $("canvas"), region: $("region"), split: $("split"), waiting: $("waiting"),
+  values: $("values"), legend: $("legend"),
+}, followRegion);
 const strip = new Strip($("frames"), $("strip"), $("play"), (frame) => choose(state.job, frame));
 strip.current = () => state.frame;
 
@@ -46,13 +31,8 @@ function say(problem) {
 const may = (scope) => !state.user.read_only && state.user.scopes.includes(scope);
 
 async function act(method, request, question, value) {
-  const answer = question
-    ? await ask(
-        {dialog: $("ask"), text: $("ask-text"), label: $("ask-label"), value: $("ask-value")},
-        question,
-        value
-      )
-    : true;
+  const parts = {dialog: $("ask"), text: $("ask-text"), label: $("ask-label"), value: $("ask-value")};
+  const answer = question ? await ask(parts, question, value) : true;
   if (answer === false) return;
   try {
     await call(method, value ? {...request, [value[0]]: answer} : request);
@@ -75,10 +55,7 @@ function showJobs() {
   for (const id of shown) {
     if (!entries.has(id)) entries.set(id, new JobEntry(id, (chosen) => choose(chosen)));
   }
-  fillList(
-    $("jobs"),
-    shown.map((id) => entries.get(id).element)
-  );
+  fillList($("jobs"), shown.map((id) => entries.get(id).element));
   $("job-count").textContent = state.more ? `the newest ${shown.length}` : String(shown.length);
   for (const id of shown) renewEntry(state.jobs.get(id), null);
 }
@@ -88,16 +65,12 @@ function renewEntry(job, seconds) {
 }
 
 function showFarm() {
-  fillList(
-    $("wrong"),
-    problemsOf(state.server, state.workers, [...state.jobs.values()]).map((text) => make("li", {text}))
-  );
+  const problems = problemsOf(state.server, state.workers, [...state.jobs.values()]);
+  fillList($("wrong"), problems.map((text) => make("li", {text})));
   if (state.server) fillList($("server"), serverFacts(state.server));
   $("worker-count").textContent = String(state.workers.length);
-  fillList(
-    $("workers"),
-    state.workers.map((worker) => workerItem(worker, may("admin") ? workerActions(worker) : []))
-  );
+  const itemOf = (worker) => workerItem(worker, may("admin") ? workerActions(worker) : []);
+  fillList($("workers"), state.workers.map(itemOf));
 }
 
 function workerActions(worker) {
@@ -108,10 +81,8 @@ function workerActions(worker) {
     return element;
   };
   if (["WORKER_STATE_IDLE", "WORKER_STATE_BUSY"].includes(worker.state))
-    return [
-      button("Drain", "DrainWorker", "Let the worker finish its units and leave?"),
-      button("Block", "BlockWorker", "Give the worker no more units?"),
-    ];
+    return [button("Drain", "DrainWorker", "Let the worker finish its units and leave?"),
+      button("Block", "BlockWorker", "Give the worker no more units?")];
   return [button("Readmit", "ReadmitWorker")];
 }
 
@@ -121,26 +92,19 @@ function showJob() {
   $("job").hidden = !job;
   if (!job) return;
   const seconds = secondsLeft(job);
-  showFacts(
-    {title: $("job-title"), state: $("job-state"), progress: $("job-progress"), facts: $("job-facts")},
-    job,
-    seconds
-  );
+  const elements =
+    {title: $("job-title"), state: $("job-state"), progress: $("job-progress"), facts: $("job-facts")};
+  showFacts(elements, job, seconds);
   renewEntry(job, seconds);
   const actions = may("submit") ? actionsOf(job) : [];
   const shown = actions.map((action) => action[0]).join();
   if ($("job-actions").dataset.shown !== `${job.job_id} ${shown}`) {
     $("job-actions").dataset.shown = `${job.job_id} ${shown}`;
-    fillList(
-      $("job-actions"),
-      actions.map(([text, method, request, question, value]) => {
-        const button = make("button", {type: "button", text});
-        button.addEventListener("click", () =>
-          act(method, {job_id: job.job_id, ...request}, question, value)
-        );
-        return button;
-      })
-    );
+    fillList($("job-actions"), actions.map(([text, method, request, question, value]) => {
+      const button = make("button", {type: "button", text});
+      button.addEventListener("click", () => act(method, {job_id: job.job_id, ...request}, question, value));
+      return button;
+    }));
   }
   strip.fill(job.frames_done);
 }
@@ -170,20 +134,15 @@ function followPicture() {
   loops = new AbortController();
   if (!state.jobs.has(state.job)) return;
   for (const layer of new Set(viewer.layers)) {
-    followPreview(
-      {job: state.job, frame: state.frame, layer},
-      loops.signal,
-      (picture) => {
-        fillLayers($("layer-a"), picture.layers, viewer.layers[0]);
-        fillLayers($("layer-b"), picture.layers, viewer.layers[1]);
-        viewer.show(layer, picture);
-        if (layer === "") strip.keep(state.frame, picture);
-      },
-      (error) => {
-        if (error.status !== 400) $("waiting").textContent = error.message;
-        else chooseLayer(viewer.layers.indexOf(layer), "");
-      }
-    );
+    followPreview({job: state.job, frame: state.frame, layer}, loops.signal, (picture) => {
+      fillLayers($("layer-a"), picture.layers, viewer.layers[0]);
+      fillLayers($("layer-b"), picture.layers, viewer.layers[1]);
+      viewer.show(layer, picture);
+      if (layer === "") strip.keep(state.frame, picture);
+    }, (error) => {
+      if (error.status !== 400) $("waiting").textContent = error.message;
+      else chooseLayer(viewer.layers.indexOf(layer), "");
+    });
   }
 }
 
@@ -193,12 +152,8 @@ function followRegion(region) {
   closeLoops = new AbortController();
   if (!region || !state.jobs.has(state.job)) return;
   for (const layer of new Set(viewer.layers)) {
-    followPreview(
-      {job: state.job, frame: state.frame, layer, region},
-      closeLoops.signal,
-      (picture) => viewer.showRegion(region, layer, picture),
-      () => {}
-    );
+    const show = (picture) => viewer.showRegion(region, layer, picture);
+    followPreview({job: state.job, frame: state.frame, layer, region}, closeLoops.signal, show, () => {});
   }
 }
 
@@ -217,6 +172,8 @@ function expose(value) {
   viewer.draw();
 }
 
+const isOver = (job) => ["done", "failed"].includes(stateOf(job));
+
 /** The picture of a job that runs again is followed again. */
 function takeJob(job) {
   const before = state.jobs.get(job.job_id);
@@ -224,8 +181,7 @@ function takeJob(job) {
   renewEntry(job, secondsLeft(job));
   if (job.job_id !== state.job) return;
   if (!before) choose(job.job_id, state.frame);
-  else if (["done", "failed"].includes(stateOf(before)) && !["done", "failed"].includes(stateOf(job)))
-    choose(job.job_id, state.frame);
+  else if (isOver(before) && !isOver(job)) choose(job.job_id, state.frame);
   showJob();
 }
 
@@ -243,16 +199,11 @@ const TAKE = {
 };
 
 const KEYS = {
-  "+": () => viewer.zoomBy(2),
-  "=": () => viewer.zoomBy(2),
-  "-": () => viewer.zoomBy(0.5),
+  "+": () => viewer.zoomBy(2), "=": () => viewer.zoomBy(2), "-": () => viewer.zoomBy(0.5),
   0: () => viewer.fit(),
-  ArrowLeft: () => viewer.moveBy(40, 0),
-  ArrowRight: () => viewer.moveBy(-40, 0),
-  ArrowUp: () => viewer.moveBy(0, 40),
-  ArrowDown: () => viewer.moveBy(0, -40),
-  "[": () => expose(viewer.exposure - 0.5),
-  "]": () => expose(viewer.exposure + 0.5),
+  ArrowLeft: () => viewer.moveBy(40, 0), ArrowRight: () => viewer.moveBy(-40, 0),
+  ArrowUp: () => viewer.moveBy(0, 40), ArrowDown: () => viewer.moveBy(0, -40),
+  "[": () => expose(viewer.exposure - 0.5), "]": () => expose(viewer.exposure + 0.5),
   l: () => {
     const options = [...$("layer-a").options].map((option) => option.value);
     if (options.length) chooseLayer(0, options[(options.indexOf(viewer.layers[0]) + 1) % options.length]);
@@ -261,12 +212,9 @@ const KEYS = {
     $("split").value = Number($("split").value) ? 0 : 500;
     viewer.draw();
   },
-  ",": () => strip.step(-1, state.frame),
-  ".": () => strip.step(1, state.frame),
+  ",": () => strip.step(-1, state.frame), ".": () => strip.step(1, state.frame),
   " ": () => strip.frames?.length > 1 && strip.toggle(),
-  j: () => stepJob(1),
-  k: () => stepJob(-1),
-  "?": () => $("help").showModal(),
+  j: () => stepJob(1), k: () => stepJob(-1), "?": () => $("help").showModal(),
 };
 
 function stepJob(by) {
@@ -276,11 +224,9 @@ function stepJob(by) {
 }
 
 function listen() {
-  for (const [side, id] of [
-    [0, "layer-a"],
-    [1, "layer-b"],
-  ])
+  for (const [side, id] of [[0, "layer-a"], [1, "layer-b"]]) {
     $(id).addEventListener("change", (event) => chooseLayer(side, event.target.value));
+  }
   $("exposure").addEventListener("input", (event) => expose(Number(event.target.value)));
   $("transform").addEventListener("change", (event) => {
     viewer.transform = event.target.value;
@@ -288,39 +234,25 @@ function listen() {
   });
   $("fit").addEventListener("click", () => viewer.fit());
   $("help-button").addEventListener("click", () => $("help").showModal());
-  $("explain").addEventListener(
-    "toggle",
-    () => $("explain").open && explain($("reasons"), state.job).catch((error) => say(error.message))
-  );
-  $("log").addEventListener(
-    "toggle",
-    () => $("log").open && showLog($("events"), state.job).catch((error) => say(error.message))
-  );
+  const complain = (error) => say(error.message);
+  $("explain").addEventListener("toggle",
+    () => $("explain").open && explain($("reasons"), state.job).catch(complain));
+  $("log").addEventListener("toggle", () => $("log").open && showLog($("events"), state.job).catch(complain));
   document.addEventListener("keydown", (event) => {
-    const types =
-      event.target.closest("input, select, button, summary, dialog") &&
-      ![",", ".", "[", "]", "j", "k", "?", "c", "l"].includes(event.key);
-    if (
-      types ||
-      document.querySelector("dialog[open]") ||
-      event.ctrlKey ||
-      event.metaKey ||
-      event.altKey ||
-      event.target.type === "number"
-    )
-      return;
+    const types = event.target.closest("input, select, button, summary, dialog")
+      && ![",", ".", "[", "]", "j", "k", "?", "c", "l"].includes(event.key);
+    const hasModifier = event.ctrlKey || event.metaKey || event.altKey;
+    if (types || hasModifier || event.target.type === "number") return;
+    if (document.querySelector("dialog[open]")) return;
     if (KEYS[event.key]) {
       event.preventDefault();
       KEYS[event.key]();
     }
   });
-  setTheme(
-    localStorage.getItem("lumifold-theme") ??
-      (matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark")
-  );
-  $("theme").addEventListener("click", () =>
-    setTheme(document.documentElement.classList.contains("light") ? "dark" : "light")
-  );
+  const preferred = matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark";
+  setTheme(localStorage.getItem("lumifold-theme") ?? preferred);
+  $("theme").addEventListener("click",
+    () => setTheme(document.documentElement.classList.contains("light") ? "dark" : "light"));
 }
 
 function setTheme(theme) {
@@ -340,18 +272,15 @@ async function run() {
     $("user").textContent = state.user.read_only ? "read only" : state.user.user;
     $("farm").hidden = Boolean(state.user.job);
     let lost = false;
-    await follow(
-      (name, value) => {
-        TAKE[name]?.(value);
-        if (name !== "job") showFarm();
-      },
-      (text, isLost) => {
-        $("connection").textContent = text;
-        $("connection").classList.toggle("lost", isLost);
-        if (lost && !isLost && state.job) followPicture();
-        lost = isLost;
-      }
-    );
+    await follow((name, value) => {
+      TAKE[name]?.(value);
+      if (name !== "job") showFarm();
+    }, (text, isLost) => {
+      $("connection").textContent = text;
+      $("connection").classList.toggle("lost", isLost);
+      if (lost && !isLost && state.job) followPicture();
+      lost = isLost;
+    });
   } catch (error) {
     $("connection").textContent = "not connected";
     say(`${error.message}\nMake a new link with: lumifold page`);

@@ -16,12 +16,9 @@ export function fillList(list, items) {
 }
 
 const WORKER_STATES = {
-  WORKER_STATE_IDLE: "idle",
-  WORKER_STATE_BUSY: "busy",
-  WORKER_STATE_DRAINING: "draining",
+  WORKER_STATE_IDLE: "idle", WORKER_STATE_BUSY: "busy", WORKER_STATE_DRAINING: "draining",
   WORKER_STATE_SILENT: "silent",
-  WORKER_STATE_SET_ASIDE: "set aside",
-  WORKER_STATE_BLOCKED: "blocked",
+  WORKER_STATE_SET_ASIDE: "set aside", WORKER_STATE_BLOCKED: "blocked",
 };
 
 export function nameOf(job) {
@@ -35,13 +32,9 @@ export class JobEntry {
     this.state = make("span", {className: "state"});
     this.about = make("span", {className: "dim name"});
     this.bar = make("div");
-    this.button = make(
-      "button",
-      {type: "button"},
+    this.button = make("button", {type: "button"},
       make("span", {className: "row"}, this.name, make("span", {className: "grow"}), this.state),
-      make("span", {className: "bar"}, this.bar),
-      this.about
-    );
+      make("span", {className: "bar"}, this.bar), this.about);
     this.button.addEventListener("click", () => choose(id));
     this.element = make("li", {}, this.button);
   }
@@ -65,25 +58,17 @@ export class JobEntry {
 export function workerItem(worker, actions) {
   const state = WORKER_STATES[worker.state] ?? worker.state;
   const speed = worker.seconds_per_unit > 0 ? ` · ${worker.seconds_per_unit.toFixed(2)} s a unit` : "";
-  const about =
-    `${worker.leases} of ${worker.slots} slots · ${worker.units_done} units${speed}` +
-    (Number(worker.units_failed) ? ` · ${worker.units_failed} failed` : "");
-  const item = make(
-    "li",
-    {},
-    make(
-      "div",
-      {className: "row"},
+  const about = `${worker.leases} of ${worker.slots} slots · ${worker.units_done} units${speed}`
+    + (Number(worker.units_failed) ? ` · ${worker.units_failed} failed` : "");
+  const item = make("li", {},
+    make("div", {className: "row"},
       make("span", {className: "name", text: worker.name || worker.process, title: worker.process}),
       make("span", {className: "grow"}),
-      make("span", {className: `state ${state === "busy" ? "done" : ""}`, text: state})
-    ),
-    make("div", {className: "dim", text: about})
-  );
-  if (worker.reason)
-    item.append(make("div", {className: "dim name", text: worker.reason, title: worker.reason}));
-  if (worker.job_ids?.length)
-    item.append(make("div", {className: "dim name", text: `renders ${worker.job_ids.join(", ")}`}));
+      make("span", {className: `state ${state === "busy" ? "done" : ""}`, text: state})),
+    make("div", {className: "dim", text: about}));
+  const note = (text, title) => item.append(make("div", {className: "dim name", text, ...title}));
+  if (worker.reason) note(worker.reason, {title: worker.reason});
+  if (worker.job_ids?.length) note(`renders ${worker.job_ids.join(", ")}`);
   if (actions.length) item.append(make("div", {className: "actions"}, ...actions));
   return item;
 }
@@ -94,8 +79,9 @@ export function problemsOf(server, workers, jobs) {
   if (server?.storage_error) problems.push(`The storage cannot be written: ${server.storage_error}`);
   for (const worker of workers) {
     const state = WORKER_STATES[worker.state];
-    if (["silent", "set aside", "blocked"].includes(state))
+    if (["silent", "set aside", "blocked"].includes(state)) {
       problems.push(`Worker ${worker.name} is ${state}. ${worker.reason}`);
+    }
   }
   const active = jobs.filter((job) => ["submitted", "planned", "running"].includes(stateOf(job)));
   if (active.length && workers.length === 0) problems.push("Jobs wait, and no worker is connected.");
@@ -108,13 +94,12 @@ export function problemsOf(server, workers, jobs) {
 /** Terms and their values for the description list of the farm. */
 export function serverFacts(server) {
   const facts = [
-    ["Slots", `${server.leases} of ${server.slots} at work`],
-    ["Active jobs", server.active_jobs],
-    ["Disk", `${bytes(server.free_bytes)} free`],
-    ["Version", server.version],
+    ["Slots", `${server.leases} of ${server.slots} at work`], ["Active jobs", server.active_jobs],
+    ["Disk", `${bytes(server.free_bytes)} free`], ["Version", server.version],
   ];
   if (server.insecure) facts.push(["Connections", "not encrypted"]);
-  for (const each of server.coordinators ?? [])
+  for (const each of server.coordinators ?? []) {
     facts.push(["Coordinator", `${each.name} · ${each.active_jobs} jobs`]);
+  }
   return facts.flatMap(([term, value]) => [make("dt", {text: term}), make("dd", {text: String(value)})]);
 }

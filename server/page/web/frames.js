@@ -31,21 +31,20 @@ export class Strip {
     this.thumbs = new Map();
     this.box.hidden = this.frames.length < 2;
     if (this.box.hidden) return;
-    this.list.replaceChildren(
-      ...this.frames.map((frame) => {
-        const canvas = make("canvas", {width: THUMB, height: 48});
-        const button = make("button", {type: "button", title: `Frame ${frame}`}, canvas);
-        button.setAttribute("aria-label", `Frame ${frame}`);
-        button.addEventListener("click", () => this.choose(frame));
-        this.thumbs.set(frame, {canvas, button, finished: false});
-        return make("li", {}, button);
-      })
-    );
+    this.list.replaceChildren(...this.frames.map((frame) => {
+      const canvas = make("canvas", {width: THUMB, height: 48});
+      const button = make("button", {type: "button", title: `Frame ${frame}`}, canvas);
+      button.setAttribute("aria-label", `Frame ${frame}`);
+      button.addEventListener("click", () => this.choose(frame));
+      this.thumbs.set(frame, {canvas, button, finished: false});
+      return make("li", {}, button);
+    }));
   }
 
   mark(frame) {
-    for (const [number, {button}] of this.thumbs ?? [])
+    for (const [number, {button}] of this.thumbs ?? []) {
       button.setAttribute("aria-current", String(number === frame));
+    }
   }
 
   /** A picture of a frame was fetched, for the viewer or for the strip. */
@@ -67,9 +66,8 @@ export class Strip {
     this.filling = true;
     const job = this.job;
     try {
-      let missing = [...this.thumbs]
-        .filter(([, thumb]) => !thumb.finished)
-        .slice(0, Math.max(framesDone, 0) + 2);
+      const most = Math.max(framesDone, 0) + 2;
+      let missing = [...this.thumbs].filter(([, thumb]) => !thumb.finished).slice(0, most);
       for (const [frame] of missing) {
         const picture = await preview(job, frame, "", 0).catch(() => null);
         if (this.job !== job) return;

@@ -6,21 +6,9 @@ import {duration, hasEnded, progressOf, stateOf} from "/words.js";
 
 const PAUSE_MS = 300;
 const LAYER_NAMES = {
-  "": "Filtered",
-  noisy: "Noisy",
-  direct: "Direct",
-  indirect: "Indirect",
-  albedo: "Texture",
-  emission: "Emission",
-  glossy: "Glossy",
-  reflection1: "Reflection",
-  N: "Normal",
-  Z: "Depth",
-  distance: "Distance",
-  id: "Objects",
-  samples: "Samples",
-  error: "Error",
-  A: "Coverage",
+  "": "Filtered", noisy: "Noisy", direct: "Direct", indirect: "Indirect", albedo: "Texture",
+  emission: "Emission", glossy: "Glossy", reflection1: "Reflection", N: "Normal", Z: "Depth",
+  distance: "Distance", id: "Objects", samples: "Samples", error: "Error", A: "Coverage",
 };
 
 const pause = (ms) => new Promise((done) => setTimeout(done, ms));
@@ -56,10 +44,7 @@ export function fillLayers(select, layers, chosen) {
   if (select.dataset.layers === layers.join()) return;
   select.dataset.layers = layers.join();
   const order = Object.keys(LAYER_NAMES).filter((layer) => layers.includes(layer));
-  fillList(
-    select,
-    order.map((layer) => make("option", {value: layer, text: LAYER_NAMES[layer]}))
-  );
+  fillList(select, order.map((layer) => make("option", {value: layer, text: LAYER_NAMES[layer]})));
   select.value = chosen;
 }
 
@@ -71,11 +56,8 @@ export function showFacts(elements, job, left) {
   elements.state.className = `state ${state}`;
   elements.progress.setAttribute("aria-valuenow", percent);
   elements.progress.firstElementChild.style.width = `${percent}%`;
-  const facts = [
-    `${job.width} × ${job.height}`,
-    `${job.samples_per_pixel} samples`,
-    `${job.units_done} of ${job.units_total} units`,
-  ];
+  const facts = [`${job.width} × ${job.height}`, `${job.samples_per_pixel} samples`,
+    `${job.units_done} of ${job.units_total} units`];
   if (job.frames_total > 1) facts.push(`${job.frames_done} of ${job.frames_total} frames`);
   if (job.workers) facts.push(`${job.workers} ${job.workers === 1 ? "worker" : "workers"}`);
   if (job.estimated_error !== undefined) facts.push(`error ${Number(job.estimated_error).toPrecision(3)}`);
@@ -93,24 +75,14 @@ export function actionsOf(job) {
   const actions = [];
   if (!hasEnded(job)) {
     actions.push(state === "paused" ? ["Resume", "ResumeJob"] : ["Pause", "PauseJob"]);
-    actions.push([
-      "Priority",
-      "SetJobPriority",
-      {},
-      "Priority of the job, -100 to 100",
-      ["priority", job.scheduling?.priority ?? 0],
-    ]);
+    const priority = ["priority", job.scheduling?.priority ?? 0];
+    actions.push(["Priority", "SetJobPriority", {}, "Priority of the job, -100 to 100", priority]);
     actions.push(["Cancel", "CancelJob", {}, "Cancel the job? What is rendered so far is lost."]);
   }
   if (state === "failed") actions.push(["Retry", "RetryJob", {}, "Render what failed again?"]);
   if (state === "done" && !job.adaptive) {
-    actions.push([
-      "More samples",
-      "AddSamples",
-      {},
-      "Samples of a pixel, in all",
-      ["samples_per_pixel", 2 * job.samples_per_pixel],
-    ]);
+    const samples = ["samples_per_pixel", 2 * job.samples_per_pixel];
+    actions.push(["More samples", "AddSamples", {}, "Samples of a pixel, in all", samples]);
   }
   return actions;
 }
@@ -123,35 +95,22 @@ export function ask(elements, question, value) {
   elements.dialog.returnValue = "";
   elements.dialog.showModal();
   return new Promise((answer) => {
-    elements.dialog.addEventListener(
-      "close",
-      () => {
-        if (elements.dialog.returnValue !== "yes") return answer(false);
-        answer(value ? Math.trunc(Number(elements.value.value)) : true);
-      },
-      {once: true}
-    );
+    elements.dialog.addEventListener("close", () => {
+      if (elements.dialog.returnValue !== "yes") return answer(false);
+      answer(value ? Math.trunc(Number(elements.value.value)) : true);
+    }, {once: true});
   });
 }
 
 export async function explain(list, job) {
   const {reasons} = await call("ExplainJob", {job_id: job});
-  fillList(
-    list,
-    reasons.length
-      ? reasons.map((reason) => make("li", {text: reason.text}))
-      : [make("li", {text: "It runs as it should."})]
-  );
+  const texts = reasons.length ? reasons.map((reason) => reason.text) : ["It runs as it should."];
+  fillList(list, texts.map((text) => make("li", {text})));
 }
 
 export async function showLog(list, job) {
   const {events} = await call("GetLog", {job_id: job, limit: 200});
-  fillList(
-    list,
-    events.map((event) =>
-      make("li", {
-        text: `${new Date(Number(event.unix_ms)).toLocaleTimeString()} ${event.level} ${event.text}`,
-      })
-    )
-  );
+  const textOf = ({unix_ms: time, level, text}) =>
+    `${new Date(Number(time)).toLocaleTimeString()} ${level} ${text}`;
+  fillList(list, events.map((event) => make("li", {text: textOf(event)})));
 }

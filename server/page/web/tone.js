@@ -7,10 +7,7 @@ function srgb(x) {
 /** Bytes of sRGB by the linear value times 4095, clipped. */
 const SRGB = Uint8ClampedArray.from({length: 4096}, (_, i) => Math.round(255 * srgb(i / 4095)));
 
-/**
- * A shoulder that keeps detail above white: Hable's curve, as published in 2010, scaled so that 11.2 is
- * white.
- */
+/** A shoulder that keeps detail above white: Hable's curve of 2010, scaled so that 11.2 is white. */
 export function filmic(x) {
   const hable = (v) => (v * (0.15 * v + 0.05) + 0.004) / (v * (0.15 * v + 0.5) + 0.06) - 0.02 / 0.3;
   return hable(2 * x) / hable(11.2);
@@ -27,11 +24,9 @@ export function toneOf(transform) {
 /** Dark blue over green to yellow, for counts and errors; 0 to 1. */
 export function heat(x) {
   const t = Math.min(Math.max(x, 0), 1);
-  return [
-    255 * (t < 0.5 ? 0.1 + 0.3 * t : 0.25 + 1.5 * (t - 0.5)),
-    255 * (0.05 + 0.87 * t),
-    255 * (t < 0.5 ? 0.35 + 0.3 * t : 0.5 - 0.8 * (t - 0.5)),
-  ];
+  const red = t < 0.5 ? 0.1 + 0.3 * t : 0.25 + 1.5 * (t - 0.5);
+  const blue = t < 0.5 ? 0.35 + 0.3 * t : 0.5 - 0.8 * (t - 0.5);
+  return [255 * red, 255 * (0.05 + 0.87 * t), 255 * blue];
 }
 
 /** A colour for a number of an object, far from those of its neighbours. */
@@ -43,8 +38,7 @@ export function colourOfId(id) {
 
 /** Lowest and highest finite value above 0 of a plane. */
 export function rangeOf(plane) {
-  let least = Infinity,
-    most = 0;
+  let least = Infinity, most = 0;
   for (const value of plane) {
     if (value > 0 && value < Infinity) {
       least = Math.min(least, value);
@@ -69,8 +63,8 @@ export function paint(preview, layer, exposure, transform, pixels) {
     pixels[4 * i + 3] = 255;
   };
   if (layer === "N") {
-    for (let i = 0; i < count; ++i)
-      set(i, [127.5 + 127.5 * r[i], 127.5 + 127.5 * g[i], 127.5 + 127.5 * b[i]]);
+    const byte = (v) => 127.5 + 127.5 * v;
+    for (let i = 0; i < count; ++i) set(i, [byte(r[i]), byte(g[i]), byte(b[i])]);
     return "Directions: x is red, y green, z blue.";
   }
   if (layer === "id") {
@@ -79,22 +73,19 @@ export function paint(preview, layer, exposure, transform, pixels) {
   }
   if (layer === "samples" || layer === "error") {
     const [least, most] = rangeOf(r);
-    for (let i = 0; i < count; ++i)
-      set(i, r[i] > 0 ? heat(most > least ? (r[i] - least) / (most - least) : 0.5) : [0, 0, 0]);
-    const what =
-      layer === "error" ? "Estimated error of the filtered picture, in steps of 8 bits" : "Samples";
+    const part = (value) => (most > least ? (value - least) / (most - least) : 0.5);
+    for (let i = 0; i < count; ++i) set(i, r[i] > 0 ? heat(part(r[i])) : [0, 0, 0]);
+    const what = layer === "error" ? "Estimated error of the filtered picture, in steps of 8 bits"
+      : "Samples";
     return `${what}: ${least.toPrecision(3)} is dark, ${most.toPrecision(3)} bright; black has none.`;
   }
   if (preview.planes.length === 1) {
     const [least, most] = rangeOf(r);
-    const grey =
-      layer === "A"
-        ? (x) => 255 * x
-        : (x) => (x > 0 ? 255 * (1 - (0.9 * (x - least)) / (most - least || 1)) : 0);
+    const depth = (x) => (x > 0 ? 255 * (1 - (0.9 * (x - least)) / (most - least || 1)) : 0);
+    const grey = layer === "A" ? (x) => 255 * x : depth;
     for (let i = 0; i < count; ++i) set(i, [grey(r[i]), grey(r[i]), grey(r[i])]);
-    return layer === "A"
-      ? "Coverage."
-      : `From ${least.toPrecision(3)} (bright) to ${most.toPrecision(3)}; black is nothing.`;
+    if (layer === "A") return "Coverage.";
+    return `From ${least.toPrecision(3)} (bright) to ${most.toPrecision(3)}; black is nothing.`;
   }
   const tone = toneOf(transform);
   for (let i = 0; i < count; ++i) set(i, [tone(gain * r[i]), tone(gain * g[i]), tone(gain * b[i])]);

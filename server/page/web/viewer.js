@@ -16,10 +16,7 @@ function drawBeside(canvas, previews, layers, middle, exposure, transform) {
   const context = canvas.getContext("2d");
   const {width, height} = canvas;
   context.imageSmoothingEnabled = false;
-  const sides = [
-    [layers[0], 0, middle],
-    [layers[1], middle, width],
-  ];
+  const sides = [[layers[0], 0, middle], [layers[1], middle, width]];
   return sides.map(([layer, from, to]) => {
     const preview = previews.get(layer);
     if (!preview || from >= to) return "";
@@ -28,17 +25,8 @@ function drawBeside(canvas, previews, layers, middle, exposure, transform) {
     const painted = new OffscreenCanvas(image.width, image.height);
     painted.getContext("2d").putImageData(image, 0, 0);
     const scale = image.width / width; // below 1 until all layers are of the newest preview
-    context.drawImage(
-      painted,
-      from * scale,
-      0,
-      (to - from) * scale,
-      image.height,
-      from,
-      0,
-      to - from,
-      height
-    );
+    const columns = to - from;
+    context.drawImage(painted, from * scale, 0, columns * scale, image.height, from, 0, columns, height);
     return legend;
   });
 }
@@ -60,18 +48,15 @@ export class Viewer {
     this.fitted = true;
     this.pointers = new Map();
     this.split.addEventListener("input", () => this.draw());
-    this.viewer.addEventListener(
-      "wheel",
-      (event) => {
-        event.preventDefault();
-        this.zoomBy(2 ** (-event.deltaY / 300), event);
-      },
-      {passive: false}
-    );
+    this.viewer.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.zoomBy(2 ** (-event.deltaY / 300), event);
+    }, {passive: false});
     this.viewer.addEventListener("pointerdown", (event) => this.press(event));
     this.viewer.addEventListener("pointermove", (event) => this.move(event));
-    for (const end of ["pointerup", "pointercancel"])
+    for (const end of ["pointerup", "pointercancel"]) {
       this.viewer.addEventListener(end, (event) => this.pointers.delete(event.pointerId));
+    }
     new ResizeObserver(() => this.fitted && this.fit()).observe(this.viewer);
   }
 
@@ -112,31 +97,22 @@ export class Viewer {
   draw() {
     if (!this.size) return;
     const middle = Math.round((this.canvas.width * (1000 - this.split.value)) / 1000);
-    const legends = drawBeside(
-      this.canvas,
-      this.previews,
-      this.layers,
-      middle,
-      this.exposure,
-      this.transform
-    );
+    const {previews, layers, exposure, transform} = this;
+    const legends = drawBeside(this.canvas, previews, layers, middle, exposure, transform);
     const {width, height} = this.region;
     this.region.getContext("2d").clearRect(0, 0, width, height);
     if (this.closer) {
       const inRegion = Math.min(Math.max(middle * this.size.reduction - this.closer.x0, 0), width);
-      drawBeside(this.region, this.newEnough(), this.layers, inRegion, this.exposure, this.transform);
+      drawBeside(this.region, this.newEnough(), layers, inRegion, exposure, transform);
     }
     this.legend.textContent = [...new Set(legends)].filter(Boolean).join(" ");
     this.readPixel();
   }
 
-  /**
-   * Of the region's layers those that have half of the samples of the whole frame's, which are newer
-   * sometimes.
-   */
+  /** Of the region's layers those that have half of the samples of the whole frame's, which may be newer. */
   newEnough() {
-    const isNew = ([layer, {samples_per_pixel: samples}]) =>
-      2 * samples >= (this.previews.get(layer)?.samples_per_pixel ?? 0);
+    const samplesOf = (layer) => this.previews.get(layer)?.samples_per_pixel ?? 0;
+    const isNew = ([layer, {samples_per_pixel: samples}]) => 2 * samples >= samplesOf(layer);
     return new Map([...this.closer.previews].filter(isNew));
   }
 
@@ -168,10 +144,8 @@ export class Viewer {
     if (this.fitted && ![...this.previews.values()].some((preview) => preview.finished)) return null;
     const {width, height, reduction} = this.size;
     const scale = this.zoom / reduction; // pixels of the screen for each of the frame
-    const side = (offset, shown, most) => [
-      Math.max(0, Math.floor(-offset / scale)),
-      Math.min(most, Math.ceil((shown - offset) / scale)),
-    ];
+    const side = (offset, shown, most) =>
+      [Math.max(0, Math.floor(-offset / scale)), Math.min(most, Math.ceil((shown - offset) / scale))];
     const [x0, x1] = side(this.x, this.viewer.clientWidth, width);
     const [y0, y1] = side(this.y, this.viewer.clientHeight, height);
     if (x0 >= x1 || y0 >= y1 || x1 - x0 > MOST_REGION || y1 - y0 > MOST_REGION) return null;
@@ -218,8 +192,7 @@ export class Viewer {
   zoomBy(factor, event) {
     if (!this.size) return;
     const box = this.viewer.getBoundingClientRect();
-    const [x, y] = event
-      ? [event.clientX - box.left, event.clientY - box.top]
+    const [x, y] = event ? [event.clientX - box.left, event.clientY - box.top]
       : [box.width / 2, box.height / 2];
     const zoom = Math.min(Math.max(this.zoom * factor, 0.1), MOST_ZOOM);
     this.x = x - ((x - this.x) * zoom) / this.zoom;
@@ -245,12 +218,12 @@ export class Viewer {
 
   move(event) {
     const before = this.pointers.get(event.pointerId);
-    if (before && this.pointers.size === 1)
+    if (before && this.pointers.size === 1) {
       this.moveBy(event.clientX - before.clientX, event.clientY - before.clientY);
+    }
     if (before && this.pointers.size === 2) {
       const other = [...this.pointers.values()].find((pointer) => pointer.pointerId !== event.pointerId);
-      const distance = (pointer) =>
-        Math.hypot(pointer.clientX - other.clientX, pointer.clientY - other.clientY);
+      const distance = ({clientX, clientY}) => Math.hypot(clientX - other.clientX, clientY - other.clientY);
       this.zoomBy(distance(event) / Math.max(distance(before), 1), event);
     }
     if (before) this.pointers.set(event.pointerId, event);
@@ -264,16 +237,14 @@ export class Viewer {
     const box = this.viewer.getBoundingClientRect();
     // Where that is in the frame, whose pixels are the preview's where it is not looked at closely.
     const scale = this.zoom / this.size.reduction;
-    const [x, y] = [
-      (this.at.clientX - box.left - this.x) / scale,
-      (this.at.clientY - box.top - this.y) / scale,
-    ].map(Math.floor);
+    const x = Math.floor((this.at.clientX - box.left - this.x) / scale);
+    const y = Math.floor((this.at.clientY - box.top - this.y) / scale);
     if (x < 0 || y < 0 || x >= this.size.width || y >= this.size.height) return;
     const parts = [];
     for (const layer of new Set(this.layers)) {
       const values = this.closerValues(layer, x, y) ?? this.valuesOf(this.previews.get(layer), x, y);
-      if (values)
-        parts.push(`${layer || "filtered"} ${values.map((value) => value.toPrecision(4)).join(" ")}`);
+      const text = values?.map((value) => value.toPrecision(4)).join(" ");
+      if (values) parts.push(`${layer || "filtered"} ${text}`);
     }
     this.values.textContent = `x ${x} y ${y}   ${parts.join("   ")}`;
   }
@@ -288,8 +259,8 @@ export class Viewer {
   closerValues(layer, x, y) {
     const preview = this.closer && this.newEnough().get(layer);
     const [column, row] = [x - this.closer?.x0, y - this.closer?.y0];
-    if (!preview || column < 0 || row < 0 || column >= preview.preview_width || row >= preview.preview_height)
-      return null;
+    if (!preview || column < 0 || row < 0) return null;
+    if (column >= preview.preview_width || row >= preview.preview_height) return null;
     return preview.planes.map((plane) => plane[row * preview.preview_width + column]);
   }
 }

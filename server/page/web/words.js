@@ -1,13 +1,9 @@
 // Numbers and states in words.
 
 export const STATES = {
-  JOB_STATE_SUBMITTED: "submitted",
-  JOB_STATE_PLANNED: "planned",
-  JOB_STATE_RUNNING: "running",
+  JOB_STATE_SUBMITTED: "submitted", JOB_STATE_PLANNED: "planned", JOB_STATE_RUNNING: "running",
   JOB_STATE_FILTERING: "filtering",
-  JOB_STATE_DONE: "done",
-  JOB_STATE_FAILED: "failed",
-  JOB_STATE_CANCELLED: "cancelled",
+  JOB_STATE_DONE: "done", JOB_STATE_FAILED: "failed", JOB_STATE_CANCELLED: "cancelled",
   JOB_STATE_PAUSED: "paused",
 };
 const ENDED = ["done", "failed", "cancelled"];
@@ -55,8 +51,7 @@ export class TimeLeft {
 
 export function bytes(count) {
   const units = ["B", "kB", "MB", "GB", "TB"];
-  let value = Number(count),
-    unit = 0;
+  let value = Number(count), unit = 0;
   while (value >= 1000 && unit < units.length - 1) {
     value /= 1000;
     ++unit;

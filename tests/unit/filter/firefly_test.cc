@@ -99,6 +99,15 @@ TEST(Fireflies, AmongBlackPixelsAreCutToTwiceTheMeanOfTheOthers) {
   EXPECT_NEAR(halves.a[0].At(5, 4), 2.0f, 1e-3f);
 }
 
+TEST(Fireflies, AreComparedWithTheMeanOfHalvesOfUnequalWeight) {
+  Halves halves = FlatHalves(11, 9, 0.0f);
+  halves.share_a.Fill(0.75f);
+  for (Plane& plane : halves.a) plane.At(5, 4) = 1000.0f;
+  for (Plane& plane : halves.b) plane.At(6, 4) = 48.0f;  // a quarter of it in X: the mean of 24 is 1/2
+  ASSERT_FALSE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr)[0].empty());
+  EXPECT_NEAR(halves.a[0].At(5, 4), 1.0f, 1e-3f);
+}
+
 TEST(Fireflies, AreNotJudgedWithoutHalvesOrOutsideTheMask) {
   Halves halves = FlatHalves(11, 9, 1.0f);
   for (Plane& plane : halves.a) plane.At(5, 4) = 1000.0f;
@@ -224,6 +233,25 @@ TEST(ReturnRemoved, GivesToEachHalfWhatItLostItself) {
       removed.ReturnTo({Clone(removed.energy), MakePlanes(3, kFireflyWidth, kFireflyHeight)});
   EXPECT_NEAR(Sum(returned[0][1]) / Sum(removed.energy[1]), 1, 0.1);
   EXPECT_EQ(Largest(returned[1][1]), 0);
+}
+
+TEST(ReturnRemoved, OutliersOfHalvesOfUnequalWeightAreAsManyAsTheyCount) {
+  // One far from the other, each in one half: none returns anything nearby, and the layer gets the part
+  // 1 - 1/n of what counts as n equal ones.
+  std::array<Planes, 2> lost = {MakePlanes(3, kFireflyWidth, kFireflyHeight),
+                                MakePlanes(3, kFireflyWidth, kFireflyHeight)};
+  for (Plane& plane : lost[0]) plane.At(8, 48) = 1000;
+  for (Plane& plane : lost[1]) plane.At(120, 48) = 1000;
+  Halves halves = FlatHalves(kFireflyWidth, kFireflyHeight, 1.0f);
+  halves.level = 1;
+  const Removed flat;
+  for (const float share : {0.5f, 0.9f, 0.1f}) {
+    halves.share_a.Fill(share);
+    const std::array<Planes, 2> returned =
+        ReturnRemoved(lost, flat.light, halves, flat.geometry, kKnee, kFireflyReach, {}, nullptr);
+    for (const Planes& half : returned)
+      EXPECT_NEAR(Sum(half[1]) / 1000, 2 * static_cast<double>(share * (1 - share)), 0.02) << share;
+  }
 }
 
 TEST(ReturnRemoved, GivesTheSameBitsForAnyPool) {

@@ -188,6 +188,31 @@ TEST(FragmentsOf, GiveWhatIsLeftOfEmissionToSamplesThatMissAllSurfaces) {
   EXPECT_FLOAT_EQ(set.pixels[0].emission_of_half[1][0], 8 * 0.75f - 3);
 }
 
+TEST(FragmentsOf, WeighHalvesOfUnequalCountsByTheirSamples) {
+  EdgedImage film = Film();
+  film.pixels.Get(layers::kSamplesA).At(1, 0) = 6;
+  film.pixels.Get(layers::kSamplesB).At(1, 0) = 2;
+  AddEdges({{1, {{kFront, 12}, {kLampSurface, 4}}}}, &film);
+  SetColor(film.pixels.GetColor(layers::kEmission), 1, 0, 2.5f);  // four of eight samples hit the lamp
+  AddFragments({{1, kFront, {2, 2}}, {1, kLampSurface, {4, 0}}}, &film);
+  const FragmentSet lamp = FragmentsOf(Frame(film));
+  ASSERT_EQ(lamp.pixels.size(), 1u);
+  EXPECT_FLOAT_EQ(lamp.pixels[0].emission_of_half[0][1], 5 * 4 / 6.0f - 2.5f);
+  EXPECT_FLOAT_EQ(lamp.pixels[0].emission_of_half[1][1], -2.5f);
+  constexpr float kOwnOf6 = 36.0f / (36.0f + 256.0f);
+  constexpr float kOwnOf2 = 4.0f / (4.0f + 256.0f);
+  EXPECT_FLOAT_EQ(lamp.fragments[0].coverage[0], kOwnOf6 / 3 + (1 - kOwnOf6) * 0.75f);
+  EXPECT_FLOAT_EQ(lamp.fragments[0].coverage[1], kOwnOf2 + (1 - kOwnOf2) * 0.75f);
+  constexpr float kRays = 256.0f * 256.0f;  // of E
+  EXPECT_FLOAT_EQ(lamp.pixels[0].emission_change[0][1], kRays / (36 + kRays) * (1.25f - 5 * 4 / 6.0f));
+  EXPECT_FLOAT_EQ(lamp.pixels[0].emission_change[1][1], kRays / (4 + kRays) * 1.25f);
+  SetColor(film.pixels.GetColor(layers::kEmission), 1, 0, 5.0f);  // five see a sky of 8
+  AddFragments({{1, kFront, {3, 0}}}, &film);
+  const FragmentSet sky = FragmentsOf(Frame(film));
+  EXPECT_FLOAT_EQ(sky.pixels[0].emission_of_half[0][2], 8 * 3 / 6.0f - 5);
+  EXPECT_FLOAT_EQ(sky.pixels[0].emission_of_half[1][2], 8 * 2 / 2.0f - 5);
+}
+
 TEST(FragmentsOf, KnowNothingOfTheEmissionOfHalvesWithoutBoth) {
   EdgedImage film = Film();
   SetColor(film.pixels.GetColor(layers::kEmission), 1, 0, 3.75f);

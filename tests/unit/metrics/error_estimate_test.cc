@@ -110,6 +110,26 @@ TEST(EstimateError, AddsNothingToTheVarianceOfAPictureThatIsNotFiltered) {
   EXPECT_NEAR(MeanOf(estimate) / TrueVariance(16, 1), 1, 0.05);
 }
 
+TEST(EstimateError, AddsNothingToThatOfHalvesOfUnequalCounts) {
+  LayeredImage film = MakeFilm(16);
+  const double of_equal = MeanOf(EstimateOf(film, FilterHalves(film, 1, 0)));
+  constexpr float kShareOfA = 0.75f;
+  FilteredPicture filtered = FilterHalves(film, 1, 0);
+  const ColorView a = film.GetColor(layers::HalfA(layers::kNoisy));
+  const ColorView b = film.GetColor(layers::HalfB(layers::kNoisy));
+  const float deviations = std::sqrt(kShareOfA * (1 - kShareOfA));
+  ForEachPixel(kWidth, kHeight, [&](int x, int y) {
+    film.Get(layers::kSamplesA).At(x, y) = 16 * kShareOfA;
+    film.Get(layers::kSamplesB).At(x, y) = 16 * (1 - kShareOfA);
+    for (size_t c = 0; c < 3; ++c) {
+      filtered.picture[c].At(x, y) = kShareOfA * a[c].At(x, y) + (1 - kShareOfA) * b[c].At(x, y);
+      filtered.deviation[c].At(x, y) = deviations * (a[c].At(x, y) - b[c].At(x, y));
+    }
+  });
+  const double expected = static_cast<double>(4 * deviations * deviations);
+  EXPECT_NEAR(MeanOf(EstimateOf(film, filtered)) / of_equal, expected, 0.02);
+}
+
 TEST(EstimateError, CountsReturnedEnergyButNotWhereItReturns) {
   const LayeredImage film = MakeFilm(32);
   FilteredPicture filtered = FilterHalves(film, 0.3f, 0);

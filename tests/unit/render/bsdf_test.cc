@@ -15,9 +15,10 @@ namespace {
 const Vec3 kUp = {0, 0, 1};
 
 constexpr float kGlassIor = 1.5f;
+constexpr float kDenseIor = 2.0f;
 
 const AlbedoTable& Table() {
-  static const AlbedoTable table({.sheen = true, .glass_iors = {kGlassIor}});
+  static const AlbedoTable table({.sheen = true, .glass_iors = {kGlassIor, kDenseIor}});
   return table;
 }
 
@@ -379,6 +380,103 @@ TEST(Bsdf, OnlyClearPanesTransmitStraight) {
   EXPECT_EQ(Make(Glass(0, false, false), wo).StraightTransmittance(), (Vec3{0, 0, 0}));
   EXPECT_EQ(Make(Glass(0.5f, true, false), wo).StraightTransmittance(), (Vec3{0, 0, 0}));
   EXPECT_EQ(Make(Plastic(0), wo).StraightTransmittance(), (Vec3{0, 0, 0}));
+}
+
+constexpr int kSmallNodes = 24;  // of glass and sheen
+constexpr int kReflectionNodes = 32;
+
+/// The value at the place between nodes that is a part `r` further in roughness and `c` further in cosine, by
+/// the four nodes around it.
+template <typename AtNode>
+float Between(const AtNode& at_node, int row, int column, float r, float c) {
+  return (1 - r) * ((1 - c) * at_node(row, column) + c * at_node(row, column + 1)) +
+         r * ((1 - c) * at_node(row + 1, column) + c * at_node(row + 1, column + 1));
+}
+
+/// Compares `at(cosine, alpha)` with Between() of its own values at the nodes, of which there are `nodes`.
+template <typename At>
+void ExpectBilinear(const At& at, int nodes) {
+  const auto place = [&](float row, float column) {
+    const float roughness = row / static_cast<float>(nodes - 1);
+    return at(column / static_cast<float>(nodes - 1), roughness * roughness);
+  };
+  const auto at_node = [&](int row, int column) {
+    return place(static_cast<float>(row), static_cast<float>(column));
+  };
+  for (const int row : {0, nodes / 2, nodes - 2}) {
+    for (const int column : {0, nodes / 3, nodes - 2}) {
+      EXPECT_NEAR(place(static_cast<float>(row) + 0.75f, static_cast<float>(column) + 0.25f),
+                  Between(at_node, row, column, 0.75f, 0.25f), 2e-5f)
+          << row << " " << column;
+    }
+  }
+  EXPECT_NE(at_node(1, 3), at_node(3, 1)) << "of roughness and cosine";
+}
+
+TEST(AlbedoTable, GlassIsInterpolatedBetweenItsIors) {
+  constexpr float kCosine = 0.4f;
+  constexpr float kAlpha = 0.3f;
+  for (const bool inside : {false, true}) {
+    const auto at = [&](float ior) { return Table().Glass(ior, inside, kCosine, kAlpha); };
+    const float low = at(kGlassIor);
+    const float high = at(kDenseIor);
+    EXPECT_GT(std::abs(low - high), 1e-4f);
+    EXPECT_NEAR(at(kGlassIor + 0.25f * (kDenseIor - kGlassIor)), 0.75f * low + 0.25f * high, 1e-6f);
+    EXPECT_EQ(at(kGlassIor - 0.1f), low);
+    EXPECT_EQ(at(kDenseIor + 0.1f), high);
+    ExpectBilinear([&](float cosine, float alpha) { return Table().Glass(kGlassIor, inside, cosine, alpha); },
+                   kSmallNodes);
+  }
+  EXPECT_NE(Table().Glass(kGlassIor, false, kCosine, kAlpha),
+            Table().Glass(kGlassIor, true, kCosine, kAlpha));
+}
+
+TEST(AlbedoTable, ReflectionIsInterpolatedInRoughnessAndCosine) {
+  const AlbedoTable& table = Table();
+  ExpectBilinear([&](float cosine, float alpha) { return table.Lookup(cosine, alpha).scale; },
+                 kReflectionNodes);
+  ExpectBilinear([&](float cosine, float alpha) { return table.Lookup(cosine, alpha).bias; },
+                 kReflectionNodes);
+  ExpectBilinear([&](float cosine, float alpha) { return table.Sheen(cosine, alpha); }, kSmallNodes);
+  // The mean over the hemisphere is that of Lookup(), also between nodes.
+  for (const float alpha : {0.1f, 0.37f, 0.8f}) {
+    double scale = 0;
+    double bias = 0;
+    constexpr int kSteps = 4000;
+    for (int i = 0; i < kSteps; ++i) {
+      const float cosine = (static_cast<float>(i) + 0.5f) / kSteps;
+      const DirectionalAlbedo albedo = table.Lookup(cosine, alpha);
+      scale += static_cast<double>(2 * cosine * albedo.scale) / kSteps;
+      bias += static_cast<double>(2 * cosine * albedo.bias) / kSteps;
+    }
+    EXPECT_NEAR(table.Average(alpha).scale, scale, 1e-5) << alpha;
+    EXPECT_NEAR(table.Average(alpha).bias, bias, 1e-5) << alpha;
+  }
+}
+
+TEST(AlbedoTable, HasTheIorsOfRoughSolidGlassOnceEachAndSomeOfMany) {
+  scene::Scene scene;
+  const auto add = [&scene](float ior) -> scene::Material& {
+    scene::Material& material = scene.materials.emplace_back();
+    material.transmission = 1;
+    material.has_volume = true;
+    material.ior = ior;
+    return material;
+  };
+  for (const float ior : {1.5f, 1.3f, 1.5f}) add(ior);
+  add(1.1f).unlit = true;
+  add(1.2f).has_volume = false;
+  add(1.4f).roughness = 0;
+  add(1.6f).transmission = 0;
+  EXPECT_EQ(AlbedoContentsOf(scene).glass_iors, (std::vector<float>{1.3f, 1.5f}));
+  EXPECT_FALSE(AlbedoContentsOf(scene).sheen);
+  scene.materials[0].sheen_color = {0, 0, 0.1f};
+  EXPECT_TRUE(AlbedoContentsOf(scene).sheen);
+  scene.materials.clear();
+  for (int i = 0; i <= 60; ++i) add(1 + static_cast<float>((i * 7) % 61) / 64);
+  const std::vector<float> some = AlbedoContentsOf(scene).glass_iors;
+  ASSERT_EQ(some.size(), 16u);
+  for (size_t i = 0; i < some.size(); ++i) EXPECT_EQ(some[i], 1 + static_cast<float>(4 * i) / 64) << i;
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <utility>
 
 #include "filter/image/layers.h"
 #include "tests/support/analytic_scenes.h"
@@ -32,6 +33,62 @@ TEST(Camera, PinholeIgnoresTheLensPoint) {
   const Ray b = camera.RayThrough(3.25f, 7, {0.7f, 0.2f});
   EXPECT_EQ(a.origin, b.origin);
   EXPECT_EQ(a.direction, b.direction);
+}
+
+TEST(Camera, TheCornersOfTheFrameFollowItsAspect) {
+  for (const auto kind : {scene::Camera::Kind::kPerspective, scene::Camera::Kind::kOrthographic}) {
+    for (const auto& [width, height] : {std::pair{60, 20}, {20, 60}}) {
+      scene::Camera description = Forward();
+      description.kind = kind;
+      description.ymag = 2;
+      const bool is_perspective = kind == scene::Camera::Kind::kPerspective;
+      const PictureCamera camera(description, {}, {width, height});
+      const float tall = is_perspective ? std::tan(kYfov / 2) : description.ymag;  // half of it
+      const float wide = tall * static_cast<float>(width) / static_cast<float>(height);
+      const float pixel = 2 * tall / static_cast<float>(height);
+      const PictureCamera::Matrix ndc = camera.WorldToNdc();
+      for (const float x : {-1.0f, 1.0f}) {
+        for (const float y : {-1.0f, 1.0f}) {
+          const Ray ray = camera.RayThrough(static_cast<float>(width) * (1 + x) / 2,
+                                            static_cast<float>(height) * (1 - y) / 2, {}, 3);
+          const Vec3 seen = ray.origin + ray.direction * (1 / -ray.direction.z);
+          EXPECT_NEAR(seen.x, x * wide, 1e-5f);
+          EXPECT_NEAR(seen.y, y * tall, 1e-5f);
+          EXPECT_NEAR(ray.WidthAt(1 / -ray.direction.z), 3 * pixel, 1e-6f);
+          const auto projected = [&](size_t i) {
+            return seen.x * ndc[i] + seen.y * ndc[4 + i] + seen.z * ndc[8 + i] + ndc[12 + i];
+          };
+          EXPECT_NEAR(projected(0) / projected(3), x, 1e-5f);
+          EXPECT_NEAR(projected(1) / projected(3), y, 1e-5f);
+        }
+      }
+    }
+  }
+}
+
+TEST(Camera, APartOfTheFrameIsSeenByTheCameraThatFitsTheWhole) {
+  scene::Scene scene;  // without a camera
+  scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f})};
+  testing::Place(&scene, testing::QuadMesh({-2, -1, 0}, {4, 0, 0}, {0, 1, 1}, 0));
+  RenderSettings settings = SettingsOf(24, 18);
+  settings.lens = {2, 3};
+  const PictureCamera whole = *MakeCamera(scene, settings);
+  settings.width = 9;
+  settings.height = 4;
+  settings.frame = {24, 18, 11, 5};
+  const PictureCamera part = *MakeCamera(scene, settings);
+  const scene::Vec2 u = {0.3f, 0.8f};
+  for (const auto& [x, y] : {std::pair{0, 0}, {8, 0}, {0, 3}, {8, 3}}) {
+    const scene::Vec2 point = part.PointIn(x, y, u);
+    EXPECT_EQ(point.x, whole.PointIn(x + 11, y + 5, u).x);
+    EXPECT_EQ(point.y, whole.PointIn(x + 11, y + 5, u).y);
+    EXPECT_EQ(part.NumberOf(x, y), whole.NumberOf(x + 11, y + 5));
+    const Ray of_part = part.RayThrough(point.x, point.y, u);
+    const Ray of_whole = whole.RayThrough(point.x, point.y, u);
+    EXPECT_EQ(of_part.origin, of_whole.origin);
+    EXPECT_EQ(of_part.direction, of_whole.direction);
+  }
+  EXPECT_EQ(part.WorldToNdc(), whole.WorldToNdc());
 }
 
 TEST(Camera, RaysOfOnePicturePointMeetInThePlaneOfFocus) {

@@ -88,6 +88,33 @@ TEST(LightTree, PickFollowsItsProbability) {
     EXPECT_NEAR(picked[e], static_cast<double>(tree.Probability(receiver, e)), 1e-4) << e;
 }
 
+TEST(LightTree, TreatsAllAxesAndBothDirectionsAlike) {
+  const std::vector<EmitterBounds> emitters = RandomEmitters(40);
+  std::mt19937 random(9);
+  std::vector<LightReceiver> receivers;
+  for (int i = 0; i < 20; ++i) receivers.push_back(RandomReceiver(random));
+  const LightTree tree(emitters);
+  for (int turn = 0; turn < 3; ++turn) {
+    for (const float sign : {1.0f, -1.0f}) {
+      const auto turned = [&](Vec3 v) { return Vec3{v[turn], v[(turn + 1) % 3], v[(turn + 2) % 3]} * sign; };
+      std::vector<EmitterBounds> moved = emitters;
+      for (EmitterBounds& e : moved) {
+        const Vec3 ends[] = {turned(e.box.min), turned(e.box.max)};
+        e.box = sign > 0 ? scene::Bounds{ends[0], ends[1]} : scene::Bounds{ends[1], ends[0]};
+        e.axis = turned(e.axis);
+      }
+      const LightTree other(moved);
+      for (const LightReceiver& receiver : receivers) {
+        for (uint32_t e = 0; e < emitters.size(); ++e) {
+          EXPECT_NEAR(other.Probability({turned(receiver.position), turned(receiver.normal)}, e),
+                      tree.Probability(receiver, e), 1e-4)
+              << turn << " " << sign << " " << e;
+        }
+      }
+    }
+  }
+}
+
 TEST(LightTree, PrefersNearAndFacingEmitters) {
   std::vector<EmitterBounds> emitters(3);
   const Vec3 places[] = {{0, 2, 0}, {0, 2.1f, 0.2f}, {0, 20, 0}};

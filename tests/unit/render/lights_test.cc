@@ -187,6 +187,32 @@ TEST(Lights, AllKindsTogetherGiveTheSumOfEach) {
   EXPECT_NEAR(brightness(true, true, true, true) / sum, 1, 5e-3);
 }
 
+TEST(Lights, ATriangleIsTheSameWhicheverOfItsCornersIsFirst) {
+  // Enough small lamps in the distance for a light tree, and a long one whose ends are far from each other.
+  for (const bool has_tree : {false, true}) {
+    std::vector<float> densities;
+    for (uint32_t first = 0; first < 3; ++first) {
+      Scene scene;
+      scene.materials = {testing::Emitter({1, 2, 3})};
+      scene::Mesh lamp;
+      lamp.material = 0;
+      lamp.positions = {{0, 0, 0}, {0.2f, 0, 9}, {8, 0.1f, 0}};
+      lamp.triangles = {first, (first + 1) % 3, (first + 2) % 3};
+      testing::Place(&scene, lamp);
+      for (int i = 0; i < (has_tree ? 40 : 3); ++i)
+        testing::Place(&scene, testing::QuadMesh({-20, static_cast<float>(i), 0}, {1, 0, 0}, {0, 0, 1}, 0));
+      const TextureSampler textures(scene);
+      const LightSet lights(scene, textures, nullptr);
+      for (const Vec3 from : {Vec3{0.1f, 1, 0.1f}, Vec3{0.2f, 1, 8.5f}, Vec3{7.5f, 1, 0.1f}, Vec3{2, -1, 2}})
+        densities.push_back(lights.DensityOfHit({from, {0, 1, 0}}, 0, 0, 2, 0.5f));
+    }
+    for (size_t i = 0; i < 4; ++i) {
+      EXPECT_NEAR(densities[4 + i] / densities[i], 1, 1e-3f) << i;
+      EXPECT_NEAR(densities[8 + i] / densities[i], 1, 1e-3f) << i;
+    }
+  }
+}
+
 TEST(Lights, AllStrategiesConvergeToTheSamePicture) {
   Scene lamps = Lamps(10);
   lamps.lights.clear();

@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
+#include <vector>
 
 #include "filter/image/layers.h"
 #include "filter/image/mix_bits.h"
@@ -150,6 +153,114 @@ TEST(TextureSampler, LongFootprintsDoNotBlurAcross) {
   EXPECT_LT(textures.Sample(scene.materials[0].base.color_texture, uv, tall, true).x, 0.01f);
   const Vec2 other[2] = {{0.55f, 0.5f}, {}};
   EXPECT_GT(textures.Sample(scene.materials[0].base.color_texture, other, tall, true).x, 0.99f);
+}
+
+/// A picture whose texels are `value(x, y)` in all channels.
+template <typename Value>
+scene::ImageData ImageOf(int width, int height, const Value& value) {
+  scene::ImageData image;
+  image.width = width;
+  image.height = height;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) image.rgba.insert(image.rgba.end(), 4, static_cast<uint8_t>(value(x, y)));
+  }
+  return image;
+}
+
+TEST(TextureSampler, WrapsBothAxesOnBothSidesByTheirOwnModes) {
+  // The texel that stands for each of -4 to 6 on an axis of three.
+  constexpr int kFirst = -4;
+  const std::vector<std::pair<scene::Wrap, std::array<int, 11>>> modes = {
+      {scene::Wrap::kRepeat, {2, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0}},
+      {scene::Wrap::kMirror, {2, 2, 1, 0, 0, 1, 2, 2, 1, 0, 0}},
+      {scene::Wrap::kClamp, {0, 0, 0, 0, 0, 1, 2, 2, 2, 2, 2}}};
+  scene::Scene scene = SceneOf(ImageOf(3, 3, [](int x, int y) { return 10 * x + 70 * y; }));
+  const scene::TextureRef& ref = scene.materials[0].base_color_texture;
+  const TextureSampler textures(scene);
+  const auto sampled = [&](float x, float y) {
+    const Vec2 uv[2] = {{(x + 0.5f) / 3, (y + 0.5f) / 3}, {}};
+    const float color = textures.Sample(ref, uv, /*srgb=*/false).y;
+    EXPECT_NEAR(SampleAlpha(scene, ref, uv[0]), color, 1e-6f);
+    return 255 * color;
+  };
+  for (const auto& [wrap_s, columns] : modes) {
+    for (const auto& [wrap_t, rows] : modes) {
+      scene.textures[0].wrap_s = wrap_s;
+      scene.textures[0].wrap_t = wrap_t;
+      for (size_t i = 0; i + 1 < columns.size(); ++i) {
+        const size_t j = (3 * i) % (rows.size() - 1);
+        const auto texel = [&](size_t column, size_t row) {
+          return static_cast<float>(10 * columns[column] + 70 * rows[row]);
+        };
+        const float x = static_cast<float>(i) + kFirst;
+        const float y = static_cast<float>(j) + kFirst;
+        EXPECT_NEAR(sampled(x, y), texel(i, j), 1e-3f) << x << " " << y;
+        EXPECT_NEAR(sampled(x + 0.25f, y), 0.75f * texel(i, j) + 0.25f * texel(i + 1, j), 1e-3f) << x;
+        EXPECT_NEAR(sampled(x, y + 0.25f), 0.75f * texel(i, j) + 0.25f * texel(i, j + 1), 1e-3f) << y;
+      }
+    }
+  }
+}
+
+/// A step from black to white across the middle of an axis of 128 texels; the other one has 8.
+struct Step {
+  static constexpr float kSize = 128;
+  scene::Scene scene;
+  TextureSampler textures;
+  bool is_in_v;  // else in u
+
+  explicit Step(bool in_v)
+      : scene(SceneOf(ImageOf(in_v ? 8 : 128, in_v ? 128 : 8,
+                              [in_v](int x, int y) { return (in_v ? y : x) < 64 ? 0 : 255; }))),
+        textures(scene),
+        is_in_v(in_v) {
+    scene.textures[0].wrap_s = scene.textures[0].wrap_t = scene::Wrap::kClamp;
+  }
+  Vec2 Along(float across_step, float other) const {
+    return is_in_v ? Vec2{other, across_step} : Vec2{across_step, other};
+  }
+  /// The value `offset` texels after the step, over diameters of so many texels; the other axis' are smaller.
+  /// `longer_is`: which of the two diameters runs across the step.
+  float At(float offset, float across_step, float other, size_t longer_is, int uv_set) {
+    scene::TextureRef& ref = scene.materials[0].base_color_texture;
+    ref.uv_set = uv_set;
+    ref.row_u = {0, 2};  // the surface's axes are swapped, and half as long
+    ref.row_v = {2, 0};
+    ref.offset = Along(-0.25f, 0.125f);
+    const auto on_surface = [](Vec2 v) { return Vec2{v.y / 2, v.x / 2}; };
+    Vec2 uv[2];
+    uv[uv_set] = on_surface(Along(0.75f + offset / kSize, 0.375f));
+    Footprint footprint;
+    footprint.diameter[uv_set][longer_is] = on_surface(Along(across_step / kSize, 0));
+    footprint.diameter[uv_set][1 - longer_is] = on_surface(Along(0, other / 8));
+    return textures.Sample(ref, uv, footprint, /*srgb=*/false).x;
+  }
+};
+
+TEST(TextureSampler, ALongFootprintIsTheMeanOverAllOfItsLength) {
+  for (const bool in_v : {false, true}) {
+    Step step(in_v);
+    for (const size_t longer_is : {0u, 1u}) {
+      for (const int uv_set : {0, 1}) {
+        for (int offset = -5; offset <= 5; ++offset) {
+          // 8 probes of a texel; then of four, which are one texel of a mip level.
+          const float share = std::clamp(0.5f + static_cast<float>(offset) / 8, 0.0f, 1.0f);
+          EXPECT_NEAR(step.At(static_cast<float>(offset), 8, 1, longer_is, uv_set), share, 1e-5f) << offset;
+          EXPECT_NEAR(step.At(4 * static_cast<float>(offset), 32, 1, longer_is, uv_set), share, 1e-5f)
+              << offset;
+        }
+      }
+    }
+  }
+}
+
+TEST(TextureSampler, BetweenMipLevelsBothCount) {
+  Step step(/*in_v=*/false);
+  // A texel after the step the level of 2 texels is white, and that of 4 three quarters white.
+  EXPECT_NEAR(step.At(1, 2, 2, 0, 0), 1, 1e-5f);
+  EXPECT_NEAR(step.At(1, 2.5f, 2.5f, 0, 0), 0.9375f, 1e-5f);
+  EXPECT_NEAR(step.At(1, 3, 3, 0, 0), 0.875f, 1e-5f);
+  EXPECT_NEAR(step.At(1, 4, 4, 0, 0), 0.75f, 1e-5f);
 }
 
 /// A checkered floor up to the horizon at one sample per pixel: T is grey where fields are far smaller than

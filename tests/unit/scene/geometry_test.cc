@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "tests/support/gltf_fixture.h"
 #include "tests/unit/scene/load.h"
 
@@ -182,11 +184,20 @@ TEST(Geometry, RefusesMoreTrianglesThanTheLimit) {
               HasSubstr("mesh 1 primitive 0: more triangles than the limit"));
 }
 
-TEST(Geometry, RefusesPositionsOutOfRange) {
-  GltfFixture fixture;
-  fixture.AddTriangles(kTriangle);
-  fixture.json["nodes"][0]["translation"] = {0, 2e9, 0};
-  EXPECT_THAT(ErrorOf(fixture), HasSubstr("geometry reaches beyond 1e9 metres"));
+TEST(Geometry, RefusesPositionsOutOfRangeOnEachSide) {
+  for (size_t axis = 0; axis < 3; ++axis) {
+    for (const double sign : {-1.0, 1.0}) {
+      GltfFixture fixture;
+      fixture.AddTriangles(kTriangle);
+      std::array<double, 3> place = {};
+      place[axis] = sign * 2e9;
+      fixture.json["nodes"][0]["translation"] = place;
+      EXPECT_THAT(ErrorOf(fixture), HasSubstr("geometry reaches beyond 1e9 metres")) << axis << sign;
+      place[axis] = sign * 9e8;
+      fixture.json["nodes"][0]["translation"] = place;
+      EXPECT_TRUE(fixture.Load().ok()) << axis << sign;
+    }
+  }
 }
 
 }  // namespace

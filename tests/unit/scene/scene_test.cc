@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace lumifold::scene {
@@ -25,6 +26,25 @@ TEST(Scene, BoundsContainAllInstances) {
   const Bounds bounds = WorldBounds(scene);
   EXPECT_EQ(bounds.min, (Vec3{0, 0, -5}));
   EXPECT_EQ(bounds.max, (Vec3{12, 2, 0}));
+}
+
+TEST(Scene, BoundsReachEachVertexOnEachSide) {
+  const Affine turned = {{0, 1, 0}, {0, 0, 1}, {1, 0, 0}, {0, 0, 0}};  // x to y to z to x
+  for (size_t vertex = 0; vertex < 3; ++vertex) {
+    for (int axis = 0; axis < 3; ++axis) {
+      for (const float reach : {-7.0f, 7.0f}) {
+        Vec3 far;
+        (axis == 0 ? far.x : axis == 1 ? far.y : far.z) = reach;
+        Scene scene = TriangleAt({});
+        scene.meshes[0].positions[vertex] = far;
+        EXPECT_EQ(WorldBounds(scene).min[axis], std::min(reach, 0.0f)) << vertex << axis;
+        EXPECT_EQ(std::max(WorldBounds(scene).max[axis], 1.0f), std::max(reach, 1.0f)) << vertex << axis;
+        scene.instances[0].world_from_object = turned;
+        EXPECT_EQ(WorldBounds(scene).min[(axis + 1) % 3], std::min(reach, 0.0f)) << vertex << axis;
+        EXPECT_EQ(std::max(WorldBounds(scene).max[(axis + 1) % 3], 1.0f), std::max(reach, 1.0f)) << axis;
+      }
+    }
+  }
 }
 
 TEST(Scene, BoundsOfNothingAreEmpty) { EXPECT_TRUE(WorldBounds(Scene{}).IsEmpty()); }

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "tests/support/gltf_fixture.h"
 
@@ -110,6 +112,31 @@ TEST(Tangents, StayApartWhereTrianglesShareAVertexOnly) {
   ASSERT_EQ(mesh.positions.size(), 6u);
   ExpectTangent(mesh.tangents[mesh.triangles[0]], {1, 0, 0}, 1);
   ExpectTangent(mesh.tangents[mesh.triangles[3]], {0, -1, 0}, -1);
+}
+
+TEST(Tangents, AtAnEdgeOfMoreThanTwoTrianglesGoInPairsInTheirOrder) {
+  // Triangles on both sides of the edge from vertex 0 to 1, the texture sheared differently on each: u grows
+  // along (1, `slope`). Those of the left traverse it forwards, those of the right backwards.
+  const auto mesh_of = [](std::vector<uint32_t> triangles) {
+    return Generated(FlatMesh({{0, 0}, {0, 1}, {-1, 0}, {1, 0}, {1, 1}, {-1, 1}},
+                              {{0, 0}, {0, -1}, {-1, -0.5f}, {1, 0}, {1, 0}, {-1, -3}},
+                              std::move(triangles)));
+  };
+  const auto sum = [](float slope, float other) {
+    return Normalize(Vec3{1, slope, 0}) + Normalize(Vec3{1, other, 0});
+  };
+  const auto expect = [](const Mesh& mesh, size_t triangle, Vec3 direction) {
+    const size_t of_right = triangle == 1 || triangle == 2 ? 1 : 0;  // its corner at vertex 0
+    ExpectTangent(mesh.tangents[mesh.triangles[3 * triangle + of_right]], direction, 1);
+    ExpectTangent(mesh.tangents[mesh.triangles[3 * triangle + 1 - of_right]], direction, 1);
+  };
+  // Slopes 0.5 (left), 0 (right), 1 (right), 2 (left): the first of each side, then the second.
+  const Mesh four = mesh_of({0, 1, 2, 1, 0, 3, 1, 0, 4, 0, 1, 5});
+  for (const size_t triangle : {0u, 1u}) expect(four, triangle, sum(0.5f, 0));
+  for (const size_t triangle : {2u, 3u}) expect(four, triangle, sum(1, 2));
+  const Mesh three = mesh_of({0, 1, 2, 1, 0, 3, 1, 0, 4});
+  for (const size_t triangle : {0u, 1u}) expect(three, triangle, sum(0.5f, 0));
+  expect(three, 2, {1, 1, 0});  // no partner is left for it
 }
 
 TEST(Tangents, ArePerpendicularToTheNormal) {

@@ -48,7 +48,7 @@ TEST(SceneFacts, OneVertexOutOfThePlaneIsEnough) {
 TEST(SceneFacts, OfMirrorsTheirOwnPlaneCounts) {
   Scene scene;
   scene.materials = {testing::Lambert({1, 1, 1}), {}};
-  scene.materials[1].roughness = 0;
+  scene.materials[1].base.roughness = 0;
   testing::Place(&scene, TwoTriangles(0, 1));
   testing::Place(&scene, TwoTriangles(1, 0));
   const SceneFacts facts = FactsOf(scene, false);

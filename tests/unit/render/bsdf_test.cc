@@ -458,19 +458,19 @@ TEST(AlbedoTable, HasTheIorsOfRoughSolidGlassOnceEachAndSomeOfMany) {
   scene::Scene scene;
   const auto add = [&scene](float ior) -> scene::Material& {
     scene::Material& material = scene.materials.emplace_back();
-    material.transmission = 1;
-    material.has_volume = true;
+    material.transmission.factor = 1;
+    material.volume.is_solid = true;
     material.ior = ior;
     return material;
   };
   for (const float ior : {1.5f, 1.3f, 1.5f}) add(ior);
   add(1.1f).unlit = true;
-  add(1.2f).has_volume = false;
-  add(1.4f).roughness = 0;
-  add(1.6f).transmission = 0;
+  add(1.2f).volume.is_solid = false;
+  add(1.4f).base.roughness = 0;
+  add(1.6f).transmission.factor = 0;
   EXPECT_EQ(AlbedoContentsOf(scene).glass_iors, (std::vector<float>{1.3f, 1.5f}));
   EXPECT_FALSE(AlbedoContentsOf(scene).sheen);
-  scene.materials[0].sheen_color = {0, 0, 0.1f};
+  scene.materials[0].sheen.color = {0, 0, 0.1f};
   EXPECT_TRUE(AlbedoContentsOf(scene).sheen);
   scene.materials.clear();
   for (int i = 0; i <= 60; ++i) add(1 + static_cast<float>((i * 7) % 61) / 64);

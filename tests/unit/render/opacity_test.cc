@@ -23,7 +23,7 @@ Scene TriangleOf(AlphaMode mode, std::array<uint8_t, 2> alpha) {
   scene.textures = {{.image = 0, .nearest = true}};
   scene.materials.resize(1);
   scene.materials[0].alpha_mode = mode;
-  scene.materials[0].base_color_texture.texture = 0;
+  scene.materials[0].base.color_texture.texture = 0;
   Mesh mesh;
   mesh.material = 0;
   mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
@@ -59,7 +59,7 @@ TEST(ScannedOpacity, OfAMaskIsThatOfTheLeastProductOfMaterialTextureAndVertices)
     Scene half = first ? TriangleOf(AlphaMode::kMask, {204, 255}) : TriangleOf(AlphaMode::kMask, {255, 204});
     EXPECT_EQ(Scanned(half, 0.64f), OpacityClass::kOpaque);
     EXPECT_EQ(Scanned(half, 0.61f), OpacityClass::kMasked);
-    half.materials[0].alpha = 0.9f;
+    half.materials[0].base.alpha = 0.9f;
     EXPECT_EQ(Scanned(half, 0.71f), OpacityClass::kOpaque);
     EXPECT_EQ(Scanned(half, 0.68f), OpacityClass::kMasked);
     half.materials[0].alpha_cutoff = 0.4f;
@@ -79,8 +79,8 @@ TEST(ScannedOpacity, OfABlendIsOpaqueWhereNothingIsBelowOne) {
 
 TEST(OpacityAt, IsThatOfTheThreeCornersAndTheTexelWhicheverCornerIsFirst) {
   Scene scene = TriangleOf(AlphaMode::kBlend, {51, 102});  // 0.2 and 0.4
-  scene.materials[0].alpha = 0.5f;
-  scene.materials[0].base_color_texture.uv_set = 1;
+  scene.materials[0].base.alpha = 0.5f;
+  scene.materials[0].base.color_texture.uv_set = 1;
   Mesh& mesh = scene.meshes[0];
   mesh.colors = {{1, 1, 1, 1}, {1, 1, 1, 0.6f}, {1, 1, 1, 0.2f}};
   mesh.uvs[1] = {{0.1f, 0}, {0.3f, 0}, {0.9f, 0}};  // the third corner has the second texel

@@ -57,8 +57,8 @@ TEST(Surface, ReadsTheAttributesOfAllThreeCorners) {
     Scene scene = TriangleFrom(first);
     scene.images = {std::make_shared<const scene::ImageData>(scene::ImageData{1, 1, {128, 128, 255, 255}})};
     scene.textures = {{.image = 0}};
-    scene.materials[0].base_color_texture.texture = 0;
-    scene.materials[0].clearcoat = 1;
+    scene.materials[0].base.color_texture.texture = 0;
+    scene.materials[0].clearcoat.factor = 1;
     Mesh& mesh = scene.meshes[0];
     // u = x / 4 and v = 1 - y / 2 in the first set; twice u, and v, swapped in the second.
     mesh.uvs[0] = {{0, 1}, {0.5f, 1}, {0, 0.5f}};

@@ -175,7 +175,7 @@ TEST(TextureSampler, WrapsBothAxesOnBothSidesByTheirOwnModes) {
       {scene::Wrap::kMirror, {2, 2, 1, 0, 0, 1, 2, 2, 1, 0, 0}},
       {scene::Wrap::kClamp, {0, 0, 0, 0, 0, 1, 2, 2, 2, 2, 2}}};
   scene::Scene scene = SceneOf(ImageOf(3, 3, [](int x, int y) { return 10 * x + 70 * y; }));
-  const scene::TextureRef& ref = scene.materials[0].base_color_texture;
+  const scene::TextureRef& ref = scene.materials[0].base.color_texture;
   const TextureSampler textures(scene);
   const auto sampled = [&](float x, float y) {
     const Vec2 uv[2] = {{(x + 0.5f) / 3, (y + 0.5f) / 3}, {}};
@@ -222,7 +222,7 @@ struct Step {
   /// The value `offset` texels after the step, over diameters of so many texels; the other axis' are smaller.
   /// `longer_is`: which of the two diameters runs across the step.
   float At(float offset, float across_step, float other, size_t longer_is, int uv_set) {
-    scene::TextureRef& ref = scene.materials[0].base_color_texture;
+    scene::TextureRef& ref = scene.materials[0].base.color_texture;
     ref.uv_set = uv_set;
     ref.row_u = {0, 2};  // the surface's axes are swapped, and half as long
     ref.row_v = {2, 0};

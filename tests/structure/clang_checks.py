@@ -9,7 +9,8 @@
     clang_checks.py threads BUILD_FOLDER             -Wthread-safety finds nothing in files that hold a mutex
     clang_checks.py warnings BUILD_FOLDER            everything compiles without warnings of clang
 
-Compiles on all cores. Ends with 0 where all is well, 1 where not, 77 where there is no clang++.
+Compiles on all cores. Ends with 0 where all is well, 1 where not, 77 where there is no clang++, or
+no Git that says what changed.
 """
 
 import concurrent.futures
@@ -80,9 +81,7 @@ def git(root, *arguments):
 def headers(root, everything):
     if not everything:
         base = os.environ.get("LUMIFOLD_TIDY_BASE", "HEAD~1")
-        changed = git(root, "diff", "--name-only", "--diff-filter=d", base, "--", "*.h")
-        if changed is not None:
-            return changed
+        return git(root, "diff", "--name-only", "--diff-filter=d", base, "--", "*.h")
     return git(root, "ls-files", "*.h") or [path.relative_to(root).as_posix()
                                             for path in sorted(root.glob("[!b]*/**/*.h"))]
 
@@ -167,6 +166,9 @@ def main():
         return 0
     if not shutil.which("clang++"):
         print("skipped: no clang++")
+        return 77
+    if mode == "headers" and headers(root, "--all" in sys.argv[3:]) is None:
+        print("skipped: Git does not say which headers changed")
         return 77
     jobs = {"threads": lambda: thread_jobs(root, build), "warnings": lambda: warning_jobs(root, build),
             "headers": lambda: header_jobs(root, build, "--all" in sys.argv[3:])}[mode]()

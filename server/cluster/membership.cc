@@ -155,7 +155,7 @@ absl::Status Membership::Tick() {
     if (absl::Status status = AdoptOrphans(); !status.ok()) return status;
     next_adoption_ = now + kAdoptionInterval;
   }
-  host_->LookAtOthers(this->members());
+  host_->LookAtOthers();
   Balance(now);
   return absl::OkStatus();
 }

@@ -38,7 +38,7 @@ class MemberHost {
   /// This coordinator was expelled: all its jobs belong to others. It is called once, and last.
   virtual void OnExpelled() = 0;
   /// For what depends on others and has no signal: jobs that others end, files that others store.
-  virtual void LookAtOthers(const std::vector<ledger::Member>& members) = 0;
+  virtual void LookAtOthers() = 0;
 };
 
 struct MembershipOptions {

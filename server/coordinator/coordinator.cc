@@ -88,7 +88,6 @@ Coordinator::Coordinator(const CoordinatorOptions& options, const DataFolder& fo
                                                               .queries = queries_.get()})),
       takeover_(std::make_unique<Takeover>(&resources_, state_.get(),
                                            Takeover::Parts{.loader = loader_.get(),
-                                                           .queries = queries_.get(),
                                                            .submission = submission_.get(),
                                                            .operators = operators_.get(),
                                                            .stop_leasing = [this] { StopLeasing(); }})),

@@ -69,7 +69,6 @@ void Farm::EnterJob(const LoadedJob& loaded) {
   const bool has_begun = progress.units_done > 0 || loaded.record.started != absl::InfinitePast();
   if (!has_begun) AwaitPrerequisites(id, loaded.after);
   watchers.MarkChanged(id);
-  RegrantInHand();
 }
 
 void Farm::EndJob(const JobId& job, v1::JobState state, const std::string& cause) {

@@ -11,7 +11,6 @@
 #include "server/commit/open_logs.h"
 #include "server/coordinator/frame_limit.h"
 #include "server/coordinator/frame_queue.h"
-#include "server/coordinator/in_hand.h"
 #include "server/coordinator/job_table.h"
 #include "server/coordinator/loaded_job.h"
 #include "server/coordinator/resources.h"
@@ -93,8 +92,6 @@ class Farm {
   void LimitFrames(uint64_t free_disk_bytes);
   void LimitFramesFor(const job::JobId& job);
 
-  /// Grants leases of the units that workers have in hand, as far as their jobs are active.
-  void RegrantInHand();
   /// Asks a worker to go to another coordinator. It gets no more leases here.
   void MoveWorker(job::WorkerId worker, const std::string& to, bool at_once = false);
   /// Logs leases that are late, and fails the jobs that cannot go on because of them.
@@ -111,7 +108,6 @@ class Farm {
   SubmissionTable submissions;
   job::Dependencies dependencies;
   WorkerTable workers;
-  UnitsInHand in_hand;
   FrameQueue frames;
   FrameLimit frame_limit;
   Watchers watchers;
@@ -126,7 +122,6 @@ class Farm {
   void FollowAudits();
   void SendRevoked();
   void SendGrants(const std::vector<scheduler::GrantedLease>& leases);
-  void RegrantTo(job::WorkerId worker, const std::vector<UnitInHand>& units);
 
   const Resources* const resources_;
   FarmEffects* const effects_;

@@ -1,9 +1,7 @@
 // What the farm tells its workers: grants, revocations, moves; and what follows from audits.
 #include <spdlog/logger.h>
 
-#include <algorithm>
 #include <map>
-#include <set>
 #include <string_view>
 #include <utility>
 
@@ -37,12 +35,6 @@ v1::Lease ProtoFromLease(const scheduler::GrantedLease& lease) {
     proto.add_block_samples(block.last);
   }
   return proto;
-}
-
-void AddRevoked(const job::UnitRef& unit, job::Attempt attempt, v1::CoordinatorMessage* message) {
-  v1::Lease* const lease = message->mutable_void_leases()->add_leases();
-  *lease->mutable_unit() = ProtoFromUnit(unit);
-  lease->set_attempt(attempt.value());
 }
 
 std::string_view EventOf(scheduler::Lateness lateness) {
@@ -98,7 +90,9 @@ void Farm::SendRevoked() {
   std::map<WorkerId, v1::CoordinatorMessage> messages;
   for (const scheduler::RevokedLease& lease : scheduler.units().TakeRevoked()) {
     if (jobs.FindActive(lease.unit.job) == nullptr) continue;  // JobEnded says so
-    AddRevoked(lease.unit, lease.attempt, &messages[lease.worker]);
+    v1::Lease* const revoked = messages[lease.worker].mutable_void_leases()->add_leases();
+    *revoked->mutable_unit() = ProtoFromUnit(lease.unit);
+    revoked->set_attempt(lease.attempt.value());
   }
   for (const auto& [worker, message] : messages) {
     if (workers.Find(worker) == nullptr) continue;
@@ -140,32 +134,6 @@ void Farm::SendGrants(const std::vector<scheduler::GrantedLease>& leases) {
     watchers.MarkChanged(job);
   }
   send();
-}
-
-void Farm::RegrantInHand() {
-  if (!is_leasing()) return;
-  in_hand.ForgetExpired(resources_->options.now());
-  for (const auto& [worker, units] :
-       in_hand.Take([this](const JobId& job) { return scheduler.jobs().Has(job); }))
-    RegrantTo(worker, units);
-}
-
-void Farm::RegrantTo(WorkerId worker, const std::vector<UnitInHand>& units) {
-  std::vector<job::UnitRef> wanted;
-  wanted.reserve(units.size());
-  for (const UnitInHand& unit : units) wanted.push_back(unit.unit);
-  const std::vector<scheduler::GrantedLease> granted =
-      scheduler.Regrant(worker, wanted, resources_->options.now());
-  resources_->log().info("event=leases_regranted worker={} leases={}/{}", workers.NameOf(worker),
-                         granted.size(), units.size());
-  SendGrants(granted);
-  std::set<job::UnitRef> leased;
-  for (const scheduler::GrantedLease& lease : granted) leased.insert(lease.unit);
-  v1::CoordinatorMessage message;
-  for (const UnitInHand& unit : units) {
-    if (!leased.contains(unit.unit)) AddRevoked(unit.unit, unit.attempt, &message);
-  }
-  if (message.has_void_leases()) workers.Send(worker, message);
 }
 
 void Farm::MoveWorker(WorkerId worker, const std::string& to, bool at_once) {

@@ -102,15 +102,14 @@ void Takeover::OnExpelled() {
   resources_->options.notify.on_expelled();
 }
 
-void Takeover::LookAtOthers(const std::vector<ledger::Member>& members) {
+void Takeover::LookAtOthers() {
   if (is_looking_.exchange(true)) return;
-  thread_.Run([this, members] {
+  thread_.Run([this] {
     is_looking_ = false;
     parts_.submission->StartUncertainJobs();
     FindStoredAssets();
     parts_.loader->prerequisites().LookAtAll();
     parts_.operators->ReadBlockedWorkers().IgnoreError();  // it is read again
-    RouteInHand(members);
   });
 }
 
@@ -118,25 +117,6 @@ void Takeover::FindStoredAssets() {
   const std::set<std::string> wanted = FarmState::View(state_)->jobs.WantedAssets();
   for (const std::string& sha256 : wanted) {
     if (resources_->assets->Has(sha256)) FarmState::Change(state_)->OnAssetFound(sha256);
-  }
-}
-
-void Takeover::RouteInHand(const std::vector<ledger::Member>& members) {
-  const std::vector<JobId> jobs = FarmState::View(state_)->in_hand.Jobs();
-  for (const JobId& job : jobs) {
-    const absl::StatusOr<ledger::Epoch> owner = parts_.queries->OwnerOf(job);
-    if (!owner.ok() || *owner == resources_->owner.epoch) continue;
-    for (const ledger::Member& member : members) {
-      if (member.owner.epoch == *owner) MoveWorkersWith(job, member.address);
-    }
-  }
-}
-
-void Takeover::MoveWorkersWith(const JobId& job, const std::string& address) {
-  FarmState::Change farm(state_);
-  for (const WorkerId worker : farm->in_hand.WorkersWith(job)) {
-    farm->MoveWorker(worker, address);
-    farm->in_hand.ForgetWorker(worker);
   }
 }
 

@@ -11,7 +11,6 @@
 #include "server/coordinator/cleanup.h"
 #include "server/coordinator/farm_state.h"
 #include "server/coordinator/job_loader.h"
-#include "server/coordinator/job_queries.h"
 #include "server/coordinator/operator_calls.h"
 #include "server/coordinator/resources.h"
 #include "server/coordinator/submission.h"
@@ -25,7 +24,6 @@ class Takeover final : public cluster::MemberHost {
  public:
   struct Parts {
     JobLoader* loader;
-    JobQueries* queries;
     Submission* submission;
     OperatorCalls* operators;
     /// Ends leasing here.
@@ -40,7 +38,7 @@ class Takeover final : public cluster::MemberHost {
   void MoveWorkers(const cluster::WorkerMove& move) override;
   void SendWorkersAway(const std::string& address) override;
   void OnExpelled() override;
-  void LookAtOthers(const std::vector<ledger::Member>& members) override;
+  void LookAtOthers() override;
 
   /// Once the farm is stopping.
   void Stop();
@@ -52,10 +50,6 @@ class Takeover final : public cluster::MemberHost {
   absl::Status TryToAdopt(const job::JobId& job);
   /// Assets that jobs wait for and others have stored.
   void FindStoredAssets();
-  /// Sends workers with units in hand to the owners of their jobs.
-  void RouteInHand(const std::vector<ledger::Member>& members);
-  /// Moves the workers that have units of the job in hand.
-  void MoveWorkersWith(const job::JobId& job, const std::string& address);
 
   Resources* const resources_;
   FarmState* const state_;

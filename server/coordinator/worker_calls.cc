@@ -23,8 +23,6 @@ using job::WorkerId;
 namespace {
 
 constexpr int kMaxSlots = 1024;
-/// Ids of jobs are shorter, see job::MakeJobId; those in a worker's Hello are kept.
-constexpr size_t kMaxJobIdBytes = 64;
 
 absl::Status CheckHello(const v1::Hello& hello) {
   if (hello.name().size() > rpc::kMaxWorkerNameBytes ||
@@ -48,15 +46,6 @@ absl::Status CheckHello(const v1::Hello& hello) {
     return absl::InvalidArgumentError(absl::StrCat("worker '", hello.name(), "': more than ", rpc::kMaxTags,
                                                    " tags, or one that has not 1 to ", rpc::kMaxTagBytes,
                                                    " bytes"));
-  }
-  const auto is_unit = [](const v1::Lease& lease) {
-    return !lease.unit().job_id().empty() && lease.unit().job_id().size() <= kMaxJobIdBytes;
-  };
-  if (hello.in_hand_size() > hello.slots() ||
-      !std::all_of(hello.in_hand().begin(), hello.in_hand().end(), is_unit)) {
-    return absl::InvalidArgumentError(absl::StrCat("worker '", hello.name(),
-                                                   "': more units in hand than its ", hello.slots(),
-                                                   " slots, or one without the id of a job"));
   }
   return absl::OkStatus();
 }
@@ -95,12 +84,6 @@ absl::StatusOr<WorkerId> WorkerCalls::AddWorker(const v1::Hello& hello, const ac
   resources_->log().info("event=worker_connected worker={} process={} class={} slots={}",
                          farm->workers.NameOf(worker), process, logging::Quoted(hello.numeric_class()),
                          hello.slots());
-  if (hello.in_hand_size() > 0) {
-    resources_->log().info("event=units_in_hand worker={} units={}", farm->workers.NameOf(worker),
-                           hello.in_hand_size());
-  }
-  farm->in_hand.Add(worker, hello, resources_->options.now());
-  farm->RegrantInHand();
   return worker;
 }
 
@@ -108,7 +91,6 @@ void WorkerCalls::RemoveWorker(WorkerId worker) {
   FarmState::Change farm(state_);
   resources_->log().info("event=worker_gone worker={}", farm->workers.NameOf(worker));
   farm->workers.Remove(worker);
-  farm->in_hand.ForgetWorker(worker);
   const std::vector<scheduler::FailedJob> failed = farm->scheduler.workers().Remove(worker);
   if (!farm->is_leasing()) return;
   for (const scheduler::FailedJob& job : failed) farm->FailJob(job.job, job.error);

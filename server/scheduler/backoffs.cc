@@ -28,8 +28,6 @@ void Backoffs::End(const UnitIndex& unit) {
   by_unit_.erase(pause);
 }
 
-bool Backoffs::IsPaused(const UnitIndex& unit) const { return by_unit_.contains(unit); }
-
 std::vector<UnitIndex> Backoffs::TakeEnded(absl::Time now) {
   std::vector<UnitIndex> ended;
   while (!by_end_.empty() && by_end_.begin()->first <= now) {

@@ -33,7 +33,6 @@ class Backoffs {
   void Begin(const UnitIndex& unit, absl::Time end);
   /// The unit, if it pauses, does so no more.
   void End(const UnitIndex& unit);
-  bool IsPaused(const UnitIndex& unit) const;
   /// Ends the pauses whose end is not after `now`; the units in the order of these ends.
   std::vector<UnitIndex> TakeEnded(absl::Time now);
   /// When the next pause ends; InfiniteFuture without pauses.

@@ -9,16 +9,9 @@ void FreeUnits::Advance(const JobUnits& units, const JobFrames& frames) {
     if (frames.IsFinished(next_.frame)) continue;
     const FrameState* frame = frames.Find(next_.frame);
     if (frame == nullptr) break;
-    while (next_.number < units.ordered() &&
-           (frame->taken[static_cast<size_t>(next_.number)] || ahead_.contains(next_)))
-      ++next_.number;
+    while (next_.number < units.ordered() && frame->taken[static_cast<size_t>(next_.number)]) ++next_.number;
     if (next_.number < units.ordered()) break;
   }
-  ahead_.erase(ahead_.begin(), ahead_.lower_bound(next_));
-}
-
-bool FreeUnits::IsInOrder(const Place& place, const JobUnits& units) const {
-  return place >= next_ && place.number < units.ordered() && !ahead_.contains(place);
 }
 
 }  // namespace lumifold::scheduler

@@ -17,25 +17,24 @@ class FreeUnits {
   /// Leased once, and free again or overdue; or of a later round.
   const std::set<Place>& returned() const { return returned_; }
   void Return(const Place& place) { returned_.insert(place); }
-  /// False if the unit was not among the returned ones.
-  bool Withdraw(const Place& place) { return returned_.erase(place) > 0; }
+  /// The unit is not free any more, if it is among the returned ones.
+  void Withdraw(const Place& place) { returned_.erase(place); }
 
-  /// Units from here on were never leased, except those leased ahead. Its unit is free after Advance; its
-  /// frame is past the last one if there is none.
+  /// Units from here on were never leased. Its unit is free after Advance; its frame is past the last one if
+  /// there is none.
   const Place& next() const { return next_; }
-  /// Moves `next` on to the first unit that is neither accepted, committed nor leased ahead, or the first
-  /// frame that is not active.
+  /// Moves `next` on to the first unit that is neither accepted nor committed, or the first frame that is not
+  /// active.
   void Advance(const JobUnits& units, const JobFrames& frames);
   /// The unit at `next` is leased. Advance follows.
   void TakeNext() { ++next_.number; }
-  /// A unit after `next` is leased.
-  void TakeAhead(const Place& place) { ahead_.insert(place); }
   /// Whether `next` will come to the unit; the others are free only if they are returned.
-  bool IsInOrder(const Place& place, const JobUnits& units) const;
+  bool IsInOrder(const Place& place, const JobUnits& units) const {
+    return place >= next_ && place.number < units.ordered();
+  }
 
  private:
   Place next_;
-  std::set<Place> ahead_;  // leased, and after next_
   std::set<Place> returned_;
 };
 

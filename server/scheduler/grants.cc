@@ -11,7 +11,6 @@
 namespace lumifold::scheduler {
 
 using job::Attempt;
-using job::UnitRef;
 using job::WorkerId;
 
 namespace {
@@ -115,46 +114,6 @@ std::optional<Place> Grants::TakeUnleasedUnit(Job& job) {
   frames_->Open(job, place.frame);
   job.free.TakeNext();
   return place;
-}
-
-std::vector<GrantedLease> Grants::OfUnitsInHand(WorkerId worker, absl::Span<const UnitRef> units,
-                                                absl::Time now) {
-  Begin(now);
-  std::vector<GrantedLease> granted;
-  for (const UnitRef& unit : units) {
-    const std::optional<UnitIndex> index = state_->jobs.IndexOf(unit);
-    if (index.has_value() && state_->workers.IsFree(worker) && TakeInHand(*index, worker))
-      granted.push_back(leasing_->Grant(*index, worker, now, Leasing::Kind::kOrdinary));
-  }
-  return granted;
-}
-
-bool Grants::TakeInHand(const UnitIndex& unit, WorkerId worker) {
-  Job& job = state_->jobs.Get(unit.job);
-  const Place& place = unit.place;
-  const Requirement& kind = state_->workers.KindOf(state_->workers.Find(worker)->kind);
-  if (job.paused || job.leases.IsFull() || job.frames.HasResult(place) ||
-      state_->quarantine.IsSuspect(unit) || state_->backoffs.IsPaused(unit) ||
-      !state_->RequirementOf(job).Admits(kind))
-    return false;
-  const std::vector<Attempt> attempts = state_->leases.OfUnit(unit);
-  const auto is_second = [&](Attempt attempt) {
-    const Lease& lease = *state_->leases.Find(attempt);
-    return lease.worker != worker && !lease.alone;
-  };
-  if (!attempts.empty()) {
-    if (attempts.size() >= Leasing::kMaxLeasesOfUnit ||
-        !std::all_of(attempts.begin(), attempts.end(), is_second))
-      return false;
-    job.free.Withdraw(place);  // it is overdue
-    return true;
-  }
-  if (job.free.Withdraw(place)) return true;
-  if (!job.free.IsInOrder(place, job.units)) return false;
-  if (!job.frames.IsActive(place.frame) && !state_->ready.MayOpenFrame()) return false;
-  frames_->Open(job, place.frame);
-  job.free.TakeAhead(place);
-  return true;
 }
 
 void Grants::GrantQuarantined(absl::Time now, std::vector<GrantedLease>* granted) {

@@ -4,9 +4,7 @@
 #include <vector>
 
 #include "absl/time/time.h"
-#include "absl/types/span.h"
 #include "server/job/ids.h"
-#include "server/job/unit.h"
 #include "server/scheduler/frames.h"
 #include "server/scheduler/leasing.h"
 #include "server/scheduler/state.h"
@@ -29,12 +27,6 @@ class Grants {
   std::vector<GrantedLease> ToAll(absl::Time now);
   /// Grants leases to one worker; none of units in quarantine.
   std::vector<GrantedLease> ToWorker(job::WorkerId worker, absl::Time now);
-  /// Grants the worker leases of units that it has rendered or is rendering for leases of an earlier
-  /// connection: of those that it may still lease, in this order, while it has free slots. A unit that one
-  /// other worker has leased meanwhile gets a second lease, since it costs no rendering; the first result
-  /// counts.
-  std::vector<GrantedLease> OfUnitsInHand(job::WorkerId worker, absl::Span<const job::UnitRef> units,
-                                          absl::Time now);
 
  private:
   struct Taken {
@@ -49,8 +41,6 @@ class Grants {
   std::optional<Taken> TakeUnit(Job& job, job::WorkerId worker, SkipBudget* budget);
   std::optional<Place> TakeReturnedUnit(Job& job, job::WorkerId worker, SkipBudget* budget);
   std::optional<Place> TakeUnleasedUnit(Job& job);
-  /// Whether the worker may lease a unit that it has in hand; it is not free any more then.
-  bool TakeInHand(const UnitIndex& unit, job::WorkerId worker);
   bool MayLease(const UnitIndex& unit, job::WorkerId worker) const;
   /// Reserves workers for units in quarantine, and leases the units to those that have become idle.
   void GrantQuarantined(absl::Time now, std::vector<GrantedLease>* granted);

@@ -20,7 +20,7 @@ namespace lumifold::scheduler {
 /// Threads: one at a time.
 class Leasing {
  public:
-  /// A second lease is for a worker that hangs or is slow, or for a unit in hand; a third would only cost.
+  /// A second lease is for a worker that hangs or is slow; a third would only cost.
   static constexpr size_t kMaxLeasesOfUnit = 2;
 
   enum class Kind {

@@ -3,9 +3,7 @@
 #include <vector>
 
 #include "absl/time/time.h"
-#include "absl/types/span.h"
 #include "server/job/ids.h"
-#include "server/job/unit.h"
 #include "server/scheduler/audits.h"
 #include "server/scheduler/frames.h"
 #include "server/scheduler/grants.h"
@@ -43,14 +41,10 @@ class Scheduler {
   Workers& workers() { return workers_; }
   const Workers& workers() const { return workers_; }
 
-  /// See Grants::ToAll, Grants::ToWorker and Grants::OfUnitsInHand.
+  /// See Grants::ToAll and Grants::ToWorker.
   std::vector<GrantedLease> GrantLeases(absl::Time now) { return grants_.ToAll(now); }
   std::vector<GrantedLease> GrantLeases(job::WorkerId worker, absl::Time now) {
     return grants_.ToWorker(worker, now);
-  }
-  std::vector<GrantedLease> Regrant(job::WorkerId worker, absl::Span<const job::UnitRef> units,
-                                    absl::Time now) {
-    return grants_.OfUnitsInHand(worker, units, now);
   }
   /// Ends what is over at `now`: leases (see LeaseWatch::Expire), pauses of units, audits that nobody can
   /// settle, and cool-downs of workers.

@@ -16,11 +16,6 @@ using job::WorkerId;
 Units::Units(State* state, Frames* frames, Leasing* leasing, Audits* audits)
     : state_(state), frames_(frames), leasing_(leasing), audits_(audits) {}
 
-bool Units::HasResult(const UnitRef& unit) const {
-  const std::optional<UnitIndex> index = state_->jobs.IndexOf(unit);
-  return index.has_value() && state_->jobs.Get(index->job).frames.HasResult(index->place);
-}
-
 bool Units::HoldsLease(WorkerId worker, const UnitRef& unit, Attempt attempt) const {
   return state_->FindLease(worker, unit, attempt) != nullptr;
 }
@@ -37,15 +32,15 @@ Completion Units::Complete(WorkerId worker, const UnitRef& unit, Attempt attempt
   state_->SetTime(now);
   const std::optional<UnitIndex> index = state_->jobs.IndexOf(unit);
   if (!index.has_value()) return Completion::kUnknown;
+  Job& job = state_->jobs.Get(index->job);
   const bool holds_lease = HoldsLease(worker, unit, attempt);
-  if (HasResult(unit)) {
+  if (job.frames.HasResult(index->place)) {
     if (!holds_lease) return Completion::kDuplicate;
     audits_->Complete(attempt, digest, now);
     return Completion::kAudited;
   }
   if (!holds_lease) return Completion::kStale;
   OnAccepted(leasing_->Remove(attempt), now);
-  Job& job = state_->jobs.Get(index->job);
   job.is_bound = true;
   const WorkerTraits& traits = state_->workers.Find(worker)->traits;
   if (state_->RequirementOf(job).numeric_class.empty()) Bind(job, traits.numeric_class);

@@ -35,8 +35,6 @@ class Units {
   /// All must outlive it.
   Units(State* state, Frames* frames, Leasing* leasing, Audits* audits);
 
-  /// Whether the unit is accepted or committed.
-  bool HasResult(const job::UnitRef& unit) const;
   bool HoldsLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
   /// Sample indices of a unit that is leased or accepted.
   TileSamples SamplesOf(const job::UnitRef& unit) const;

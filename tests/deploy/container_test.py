@@ -35,7 +35,7 @@ class DockerfileTest(unittest.TestCase):
                          {"lumifold-server", "lumifold-worker", "lumifold"})
 
     def test_what_is_copied_exists(self):
-        targets = dict(re.findall(r"lumifold_program\((\w+) (\S+) SOURCES main\.cc",
+        targets = dict(re.findall(r"lumifold_program\((\w+) (\S+)\s+SOURCES main\.cc",
                                   "".join((ROOT / folder / "CMakeLists.txt").read_text()
                                           for folder in ("server", "worker", "client"))))
         built = re.search(r"--target ([\w ]+?) &&", self.stages["build"].of("RUN")[1])[1].split()

@@ -229,7 +229,6 @@ std::vector<std::string> WorkerMessages(const std::string& job_id) {
   line->set_unix_ms(1);
   line->set_level("warn");
   line->set_text("event=unit_failed job=" + job_id + " error=\"made up\"");
-  *hello->add_in_hand() = messages[1].heartbeat().held(0);
   v1::UnitChunk* chunk = messages[2].mutable_chunk();
   *chunk->mutable_unit() = unit;
   chunk->set_attempt(1);

@@ -129,7 +129,6 @@ void TryWorker(std::string_view bytes) {
       for (const v1::Lease& lease : message.grant().leases()) Render(spec, lease);
     }
     worker.OnDisconnected();
-    (void)worker.InHand();
     (void)worker.TakeMove();
   }
 }

@@ -52,9 +52,6 @@ constexpr absl::Duration kSteadyStream = absl::Seconds(5);
 /// up. A new certificate is known to another coordinator over the same database two seconds later at most;
 /// the pauses before the sixth refusal are 3 to 6 s together.
 constexpr size_t kIdentityRefusals = 6;
-/// Limit of the leases in Hello, whose samples of blocks may be many. Units that are left out are rendered
-/// again.
-constexpr size_t kMaxInHandBytes = size_t{2} << 20;
 
 /// The stream of gRPC callbacks. Writes are started from any thread, so a hold keeps the call open until a
 /// read fails.
@@ -183,11 +180,6 @@ v1::WorkerMessage MakeHello(const WorkerOptions& options, const LeaseRunner& wor
   hello->set_wire_version(rpc::kWireVersion);
   for (const std::string& tag : options.tags) hello->add_tags(tag);
   hello->set_instance(worker.instance());
-  size_t bytes = 0;
-  for (const v1::Lease& lease : worker.InHand()) {
-    bytes += lease.ByteSizeLong();
-    if (bytes <= kMaxInHandBytes) *hello->add_in_hand() = lease;
-  }
   return message;
 }
 
@@ -236,7 +228,6 @@ class Connection {
       } else {
         Leave(trigger);
         SendHeartbeat();
-        DropInHand();
       }
       if (stop.HasBeenNotified()) stream_->Cancel();
     }
@@ -275,14 +266,6 @@ class Connection {
     if (now - leaving_since_ >= options_.drain + kLeaveTimeout) stream_->Cancel();
   }
 
-  /// Once, after the time for which the coordinator may want them.
-  void DropInHand() {
-    welcomed_ = std::min(welcomed_, rpc::MonotonicNow());
-    if (has_dropped_ || rpc::MonotonicNow() - welcomed_ < options_.keep_in_hand) return;
-    has_dropped_ = true;
-    worker_.DropInHand();
-  }
-
   const WorkerOptions& options_;
   LeaseRunner& worker_;
   CurrentCoordinator& current_;
@@ -290,8 +273,6 @@ class Connection {
   const absl::Time start_ = rpc::MonotonicNow();
   absl::Time next_heartbeat_ = start_ + kFirstHeartbeat;
   absl::Time leaving_since_ = absl::InfiniteFuture();
-  absl::Time welcomed_ = absl::InfiniteFuture();
-  bool has_dropped_ = false;
   bool timed_out_ = false;
 };
 

@@ -42,10 +42,7 @@ struct WorkerOptions {
   /// Why the worker can no longer be admitted, as its certificate has expired; asked before each connection.
   /// Null: it has none.
   std::function<absl::Status()> check_identity = nullptr;
-  /// After the coordinator's Welcome: time for it to grant leases of the units in hand. It may be taking over
-  /// the jobs of another one that was lost.
-  absl::Duration keep_in_hand = absl::Seconds(30);
-  /// A worker that has held no lease for this long leaves, connected or not; units in hand do not count.
+  /// A worker that has held no lease for this long leaves, connected or not.
   absl::Duration exit_when_idle = absl::InfiniteDuration();
   /// Called several times a second, while the worker does not hang; null: nobody asks.
   std::function<void()> alive = nullptr;
@@ -64,7 +61,7 @@ struct Coordinators {
 
 /// Renders units for one of the coordinators at a time until the worker has left or `stop` is notified;
 /// `stop` breaks the connection at once. Blocks. After a broken connection it goes on as Route says, without
-/// limit, unless it was leaving; what it has rendered and is rendering it keeps, see LeaseRunner.
+/// limit, unless it was leaving.
 /// Errors: kFailedPrecondition or kInvalidArgument when each coordinator refuses this worker;
 /// kUnauthenticated or kPermissionDenied when they do not admit the worker's identity: the certificate was
 /// revoked, is not known, has expired or is not a worker's; kDeadlineExceeded when it leaves because of

@@ -73,7 +73,6 @@ LeaseRunner::~LeaseRunner() {
     absl::MutexLock lock(&mutex_);
     stopping_ = true;
     units_.RemoveHeld([](const v1::Lease&) { return true; });
-    units_.RemoveInHand([](const v1::Lease&) { return true; });
   }
   renderer_->StopLoading();
   for (std::thread& thread : threads_) thread.join();
@@ -93,21 +92,8 @@ void LeaseRunner::OnConnected(std::shared_ptr<Outbox> outbox) {
 void LeaseRunner::OnDisconnected() {
   absl::MutexLock lock(&mutex_);
   outbox_ = nullptr;
-  units_.LoseConnection(/*keep=*/!departure_.leaving, static_cast<size_t>(slots()));
+  units_.LoseConnection();
   specs_->Clear();
-}
-
-std::vector<v1::Lease> LeaseRunner::InHand() const {
-  absl::MutexLock lock(&mutex_);
-  std::vector<v1::Lease> leases;
-  for (const TakenPtr& taken : units_.in_hand()) leases.push_back(taken->lease);
-  return leases;
-}
-
-void LeaseRunner::DropInHand() {
-  absl::MutexLock lock(&mutex_);
-  if (!units_.in_hand().empty()) log_.log->info("event=units_dropped units={}", units_.in_hand().size());
-  units_.RemoveInHand([](const v1::Lease&) { return true; });
 }
 
 void LeaseRunner::OnMessage(const v1::CoordinatorMessage& message) {
@@ -124,7 +110,7 @@ void LeaseRunner::OnMessage(const v1::CoordinatorMessage& message) {
     case v1::CoordinatorMessage::kDrain:
       return BeginToLeave("drained");
     case v1::CoordinatorMessage::kReleased:
-      departure_.released = true;
+      leave_.released = true;
       return;
     case v1::CoordinatorMessage::kMove:
       return OnMove(message.move());
@@ -146,7 +132,7 @@ void LeaseRunner::OnGrant(const v1::Grant& grant) {
     outbox_->Send(std::move(answer));
   }
   // The coordinator has not heard yet that this worker leaves.
-  if (departure_.leaving || departure_.move.has_value()) HandBackWaiting();
+  if (leave_.leaving || leave_.move.has_value()) HandBackWaiting();
 }
 
 template <typename Condition>
@@ -179,16 +165,12 @@ void LeaseRunner::OnAck(const v1::UnitAck& ack) {
 void LeaseRunner::OnVoidLeases(const v1::VoidLeases& message) {
   for (const v1::Lease& lease : message.leases()) {
     log_.log->info("event=lease_void {}", Describe(lease.unit()));
-    const auto is_void = [&](const v1::Lease& own) { return IsLease(own, lease.unit(), lease.attempt()); };
-    units_.RemoveHeld(is_void);
-    units_.RemoveInHand(is_void);
+    units_.RemoveHeld([&](const v1::Lease& own) { return IsLease(own, lease.unit(), lease.attempt()); });
   }
 }
 
 void LeaseRunner::OnJobEnded(const std::string& job_id) {
-  const auto has_ended = [&](const v1::Lease& lease) { return lease.unit().job_id() == job_id; };
-  units_.RemoveHeld(has_ended);
-  units_.RemoveInHand(has_ended);
+  units_.RemoveHeld([&](const v1::Lease& lease) { return lease.unit().job_id() == job_id; });
   specs_->Forget(job_id);
   renderer_->ForgetJob(job_id);
   LogAccount(job_id, account_.Close(job_id));
@@ -208,8 +190,8 @@ void LeaseRunner::Leave(const std::string& reason) {
 }
 
 void LeaseRunner::BeginToLeave(const std::string& reason) {
-  if (departure_.leaving) return;
-  departure_.leaving = true;
+  if (leave_.leaving) return;
+  leave_.leaving = true;
   log_.log->info("event=leaving reason={} leases={}", reason, units_.held().size());
   v1::WorkerMessage message;
   message.mutable_leaving()->set_reason(reason);
@@ -219,27 +201,27 @@ void LeaseRunner::BeginToLeave(const std::string& reason) {
 
 bool LeaseRunner::IsLeaving() const {
   absl::MutexLock lock(&mutex_);
-  return departure_.leaving;
+  return leave_.leaving;
 }
 
 void LeaseRunner::OnMove(const v1::Move& move) {
-  const bool is_new = !departure_.move.has_value() || (move.at_once() && !departure_.move->at_once());
-  if (departure_.leaving || !is_new) return;
+  const bool is_new = !leave_.move.has_value() || (move.at_once() && !leave_.move->at_once());
+  if (leave_.leaving || !is_new) return;
   log_.log->info("event=moving address={} at_once={} leases={}", logging::Quoted(move.address()),
                  move.at_once(), units_.held().size());
-  departure_.move = move;
+  leave_.move = move;
   HandBackWaiting();
 }
 
 bool LeaseRunner::IsMoving() const {
   absl::MutexLock lock(&mutex_);
-  return departure_.move.has_value();
+  return leave_.move.has_value();
 }
 
 std::optional<std::string> LeaseRunner::TakeMove() {
   absl::MutexLock lock(&mutex_);
-  if (!departure_.move.has_value()) return std::nullopt;
-  return std::exchange(departure_.move, std::nullopt)->address();
+  if (!leave_.move.has_value()) return std::nullopt;
+  return std::exchange(leave_.move, std::nullopt)->address();
 }
 
 void LeaseRunner::HandBackUnfinished() {
@@ -250,8 +232,8 @@ void LeaseRunner::HandBackUnfinished() {
 
 bool LeaseRunner::HasLeft() const {
   absl::MutexLock lock(&mutex_);
-  if (departure_.leaving) return departure_.released && units_.held().empty();
-  return departure_.move.has_value() && (departure_.move->at_once() || units_.held().empty());
+  if (leave_.leaving) return leave_.released && units_.held().empty();
+  return leave_.move.has_value() && (leave_.move->at_once() || units_.held().empty());
 }
 
 absl::Time LeaseRunner::IdleSince() const {
@@ -262,83 +244,33 @@ absl::Time LeaseRunner::IdleSince() const {
 void LeaseRunner::RunThread() {
   while (true) {
     TakenPtr taken;
-    std::string job_id;
     {
       absl::MutexLock lock(&mutex_);
       mutex_.Await(absl::Condition(this, &LeaseRunner::HasWorkOrStops));
       if (stopping_) return;
       taken = units_.TakeWaiting();
-      job_id = taken->lease.unit().job_id();
     }
     const absl::Time start = rpc::MonotonicNow();
     activities_.Change(Activity::kWaiting, Activity::kRendering, start);
     Work(taken);
     const absl::Time end = rpc::MonotonicNow();
     activities_.Change(Activity::kRendering, Activity::kWaiting, end);
-    account_.Add(job_id, end - start);
+    account_.Add(taken->lease.unit().job_id(), end - start);
   }
 }
 
 void LeaseRunner::Work(const TakenPtr& taken) {
-  // One turn, unless the connection is lost and the unit gets another lease meanwhile.
-  while (const std::optional<v1::Lease> lease = BeginTurn(taken)) {
-    const absl::StatusOr<std::shared_ptr<const v1::JobSpec>> spec =
-        specs_->Get(lease->unit().job_id(), lease->unit().kind());
-    if (!spec.ok()) {
-      absl::IsNotFound(spec.status()) ? EndJobOf(*lease, taken) : Fail(*lease, taken, spec.status());
-      continue;
-    }
-    if (MustRender(*lease, taken, *spec)) {
-      absl::StatusOr<RenderedUnit> unit = renderer_->Render(**spec, *lease, &taken->control);
-      if (!unit.ok()) {
-        Fail(*lease, taken, unit.status());
-        continue;
-      }
-      Keep(taken, *std::move(unit));
-    }
-    Deliver(*lease, taken);
-  }
+  const v1::UnitId& unit = taken->lease.unit();
+  const absl::StatusOr<std::shared_ptr<const v1::JobSpec>> spec = specs_->Get(unit.job_id(), unit.kind());
+  if (!spec.ok()) return absl::IsNotFound(spec.status()) ? EndJobOf(taken) : Fail(taken, spec.status());
+  const absl::StatusOr<RenderedUnit> rendered = renderer_->Render(**spec, taken->lease, &taken->control);
+  rendered.ok() ? Deliver(taken, *rendered) : Fail(taken, rendered.status());
 }
 
-std::optional<v1::Lease> LeaseRunner::BeginTurn(const TakenPtr& taken) {
+void LeaseRunner::Fail(const TakenPtr& taken, const absl::Status& failure) {
   absl::MutexLock lock(&mutex_);
-  if (units_.IsCurrent(taken->lease, taken) && !taken->is_delivered) return taken->lease;
-  taken->has_thread = false;
-  return std::nullopt;
-}
-
-bool LeaseRunner::MustRender(const v1::Lease& lease, const TakenPtr& taken,
-                             const std::shared_ptr<const v1::JobSpec>& spec) {
-  absl::MutexLock lock(&mutex_);
-  if (!units_.IsCurrent(lease, taken)) return false;
-  if (taken->spec != nullptr && taken->spec->SerializeAsString() != spec->SerializeAsString()) {
-    log_.log->info("event=unit_outdated {}", Describe(lease.unit()));
-    taken->unit = nullptr;
-    taken->was_in_hand = false;
-  }
-  taken->spec = spec;
-  return taken->unit == nullptr;
-}
-
-void LeaseRunner::Keep(const TakenPtr& taken, RenderedUnit unit) {
-  absl::MutexLock lock(&mutex_);
-  log_.log->debug("event=unit_rendered {} seconds={:.3f}", Describe(taken->lease.unit()),
-                  unit.stats.seconds());
-  ++totals_.units_rendered;
-  totals_.samples += unit.stats.samples();
-  totals_.rays += unit.stats.rays();
-  taken->unit = std::make_shared<const RenderedUnit>(std::move(unit));
-}
-
-void LeaseRunner::Fail(const v1::Lease& lease, const TakenPtr& taken, const absl::Status& failure) {
-  absl::MutexLock lock(&mutex_);
-  if (!units_.IsCurrent(lease, taken)) {
-    if (taken->unit != nullptr) return;  // in hand all the same
-    units_.ForgetInHand(taken);
-    taken->spec = nullptr;  // a lease that it has got since begins afresh
-    taken->was_in_hand = false;
-    return;
-  }
+  if (!units_.IsHeld(taken)) return;
+  const v1::Lease& lease = taken->lease;
   ++totals_.failures[ReasonOf(failure)];
   log_.log->error("event=unit_failed {} error={}", Describe(lease.unit()),
                   logging::Quoted(failure.message()));
@@ -347,25 +279,27 @@ void LeaseRunner::Fail(const v1::Lease& lease, const TakenPtr& taken, const absl
   units_.RemoveHeld([&](const v1::Lease& held) { return IsLease(held, lease.unit(), lease.attempt()); });
 }
 
-void LeaseRunner::EndJobOf(const v1::Lease& lease, const TakenPtr& taken) {
+void LeaseRunner::EndJobOf(const TakenPtr& taken) {
   absl::MutexLock lock(&mutex_);
-  if (units_.IsCurrent(lease, taken)) OnJobEnded(lease.unit().job_id());
+  if (units_.IsHeld(taken)) OnJobEnded(taken->lease.unit().job_id());
 }
 
-void LeaseRunner::Deliver(const v1::Lease& lease, const TakenPtr& taken) {
+void LeaseRunner::Deliver(const TakenPtr& taken, const RenderedUnit& unit) {
   std::shared_ptr<Outbox> outbox;
-  std::shared_ptr<const RenderedUnit> unit;
   {
     absl::MutexLock lock(&mutex_);
-    if (!units_.IsCurrent(lease, taken) || taken->unit == nullptr) return;
+    log_.log->debug("event=unit_rendered {} seconds={:.3f}", Describe(taken->lease.unit()),
+                    unit.stats.seconds());
+    ++totals_.units_rendered;
+    totals_.samples += unit.stats.samples();
+    totals_.rays += unit.stats.rays();
+    if (!units_.IsHeld(taken)) return;
     taken->is_delivered = true;
     outbox = outbox_;
-    unit = taken->unit;
-    if (taken->was_in_hand) log_.log->info("event=unit_kept {}", Describe(lease.unit()));
   }
   int64_t bytes = 0;
   activities_.Change(Activity::kRendering, Activity::kSending, rpc::MonotonicNow());
-  SendUnit(lease, *unit, [&](v1::WorkerMessage message) {
+  SendUnit(taken->lease, unit, [&](v1::WorkerMessage message) {
     bytes += static_cast<int64_t>(message.ByteSizeLong());
     outbox->Send(std::move(message));
   });

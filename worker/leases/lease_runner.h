@@ -31,20 +31,13 @@ class Outbox {
 
 /// The worker's side of the protocol, independent of the network: handles the coordinator's messages, renders
 /// units on its threads and sends the results. Leases belong to a connection: when it is lost they are void.
-/// A unit whose lease is void is no longer rendered, except where the connection was lost: then the worker
-/// has it in hand.
-///
-/// Units in hand are those that a thread had taken when the connection was lost, whether they are rendered or
-/// being rendered; at most slots(). One for which a new lease is granted, of the same pixels, samples and
-/// spec, is delivered for that lease without being rendered again. They are stopped when the coordinator
-/// voids them, when their job ends, and by DropInHand().
+/// A unit whose lease is void is no longer rendered.
 ///
 /// A worker leaves in these steps: Leave() tells the coordinator and hands back the leases that wait for a
 /// thread; units that are being rendered are delivered, or handed back by HandBackUnfinished(); HasLeft() is
 /// true once the coordinator has answered that no grant is under way, and every lease is acknowledged or
 /// handed back. No unit is lost by it. It moves to another coordinator in the same steps, but the coordinator
-/// grants nothing after v1::Move, and units in hand stay. One that moves at once does not wait: what its
-/// threads have taken becomes units in hand.
+/// grants nothing after v1::Move. One that moves at once does not wait: its leases are void.
 /// Threads: all calls are safe concurrently.
 class LeaseRunner {
  public:
@@ -59,11 +52,6 @@ class LeaseRunner {
 
   /// See v1::Hello.
   uint64_t instance() const { return instance_; }
-
-  /// Leases of the units in hand, of the connections that were lost.
-  std::vector<v1::Lease> InHand() const;
-  /// Stops and drops the units in hand: no coordinator wants them.
-  void DropInHand();
 
   /// A connection is open; messages go to `outbox` until OnDisconnected().
   void OnConnected(std::shared_ptr<Outbox> outbox);
@@ -95,7 +83,7 @@ class LeaseRunner {
 
  private:
   /// How far it is with leaving or moving.
-  struct Departure {
+  struct Leave {
     bool leaving = false;
     bool released = false;  // the coordinator has answered: no grant is under way
     std::optional<v1::Move> move;
@@ -111,26 +99,19 @@ class LeaseRunner {
   void OnMove(const v1::Move& move) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void BeginToLeave(const std::string& reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  /// Renders a unit and delivers it, for the lease that it has by then.
+  /// Renders a unit and delivers it.
   void Work(const TakenPtr& taken);
-  /// The lease for which the unit is to be delivered; nullopt, and the thread is done with it, if there is
-  /// none.
-  std::optional<v1::Lease> BeginTurn(const TakenPtr& taken);
-  /// Whether the unit must be rendered: it is not yet, or not with this spec, which it has from now on.
-  bool MustRender(const v1::Lease& lease, const TakenPtr& taken,
-                  const std::shared_ptr<const v1::JobSpec>& spec);
-  void Keep(const TakenPtr& taken, RenderedUnit unit);
-  /// Rendering for this lease has failed. Reports it, unless the lease is void: then the failure may come of
-  /// that.
-  void Fail(const v1::Lease& lease, const TakenPtr& taken, const absl::Status& failure);
-  /// The job of the lease has ended, and the message that says so is on its way.
-  void EndJobOf(const v1::Lease& lease, const TakenPtr& taken);
-  void Deliver(const v1::Lease& lease, const TakenPtr& taken);
+  /// Rendering has failed. Reports it, unless the lease is void: then the failure may come of that.
+  void Fail(const TakenPtr& taken, const absl::Status& failure);
+  /// The job of the unit has ended, and the message that says so is on its way.
+  void EndJobOf(const TakenPtr& taken);
+  /// Delivers a rendered unit, unless the lease is void.
+  void Deliver(const TakenPtr& taken, const RenderedUnit& unit);
 
   /// Removes held leases that meet the condition, and hands them back.
   template <typename Condition>
   void HandBack(Condition condition) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  /// Hands back the leases that no thread has taken and that are not in hand.
+  /// Hands back the leases that no thread has taken.
   void HandBackWaiting() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   SpecCache* const specs_;
@@ -143,7 +124,7 @@ class LeaseRunner {
 
   mutable absl::Mutex mutex_;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
-  Departure departure_ ABSL_GUARDED_BY(mutex_);
+  Leave leave_ ABSL_GUARDED_BY(mutex_);
   std::shared_ptr<Outbox> outbox_ ABSL_GUARDED_BY(mutex_);
   HeldUnits units_ ABSL_GUARDED_BY(mutex_);
   monitoring::WorkerFigures totals_ ABSL_GUARDED_BY(mutex_);  // what only grows

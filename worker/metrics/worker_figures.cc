@@ -19,8 +19,6 @@ std::vector<prometheus::MetricFamily> FamiliesOf(const WorkerFigures& figures) {
       Counter("lumifold_worker_connections_total", "Connections on which a coordinator admitted this worker.",
               number(figures.connections)),
       GaugeBy("state", "lumifold_worker_leases", "Leases that this worker holds.", numbers(figures.leases)),
-      Gauge("lumifold_worker_units_in_hand", "Units of lost connections that are rendered or being rendered.",
-            number(figures.units_in_hand)),
       Counter("lumifold_worker_units_rendered_total", "Units rendered.", number(figures.units_rendered)),
       CounterBy("reason", "lumifold_worker_unit_failures_total",
                 "Units that could not be rendered, or were refused.", numbers(figures.failures)),

@@ -18,7 +18,6 @@ namespace lumifold::monitoring {
 struct WorkerFigures {
   bool is_connected = false;              // a coordinator has admitted it
   std::map<std::string, int64_t> leases;  // that it holds, by state
-  int64_t units_in_hand = 0;              // of connections that were lost
 
   // Since the worker's start.
   int64_t connections = 0;  // on which a coordinator has admitted it

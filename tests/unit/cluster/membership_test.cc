@@ -59,7 +59,7 @@ class FakeHost final : public MemberHost {
     sent_to_.push_back(address);
   }
   void OnExpelled() override {}
-  void LookAtOthers(const std::vector<Member>&) override {}
+  void LookAtOthers() override {}
 
   std::vector<std::string> sent_to() const {
     absl::MutexLock lock(&mutex_);

@@ -34,10 +34,7 @@ TEST_F(BackoffsTest, AUnitPausesUntilTheEndAndNoLonger) {
   backoffs_.Begin(kUnit, kNow);
   EXPECT_EQ(backoffs_.NextEnd(), kNow);
   EXPECT_THAT(backoffs_.TakeEnded(kNow - absl::Nanoseconds(1)), IsEmpty());
-  EXPECT_TRUE(backoffs_.IsPaused(kUnit));
-  EXPECT_FALSE(backoffs_.IsPaused(kLater));
   EXPECT_THAT(backoffs_.TakeEnded(kNow), ElementsAre(kUnit));
-  EXPECT_FALSE(backoffs_.IsPaused(kUnit));
   EXPECT_THAT(backoffs_.TakeEnded(kNow), IsEmpty());
   EXPECT_EQ(backoffs_.NextEnd(), absl::InfiniteFuture());
 }
@@ -55,7 +52,6 @@ TEST_F(BackoffsTest, AUnitThatIsRenderedPausesNoMore) {
   backoffs_.Begin(kLater, kNow);
   backoffs_.End(kUnit);
   backoffs_.End(kOfOther);  // does not pause
-  EXPECT_FALSE(backoffs_.IsPaused(kUnit));
   EXPECT_EQ(LongestPlace(), kLater.place);
   EXPECT_THAT(backoffs_.TakeEnded(kNow), ElementsAre(kLater));
 }
@@ -82,7 +78,6 @@ TEST_F(BackoffsTest, AJobThatIsForgottenLeavesThePausesOfOthers) {
   backoffs_.Begin(kUnit, kNow);
   backoffs_.Begin(kOfOther, kNow + absl::Seconds(1));
   backoffs_.ForgetJob(7);
-  EXPECT_FALSE(backoffs_.IsPaused(kUnit));
   EXPECT_EQ(backoffs_.CountOf(7), 0);
   EXPECT_EQ(backoffs_.NextEnd(), kNow + absl::Seconds(1));
   EXPECT_THAT(backoffs_.TakeEnded(absl::InfiniteFuture()), ElementsAre(kOfOther));

@@ -262,5 +262,48 @@ TEST_F(SchedulerFailuresTest, AUnitLeavesTheQuarantineWhenWhatWasLostWithItComes
   EXPECT_FALSE(leases[1].alone);
 }
 
+TEST_F(SchedulerFailuresTest, AnEarlierConnectionOfTheProcessLosesItsLeases) {
+  scheduler_.jobs().Add(kJob, Spec());
+  const WorkerTraits traits{.name = "one", .numeric_class = "avx2", .instance = 7, .slots = 4};
+  scheduler_.workers().Add(kAnn, traits);
+  const std::vector<GrantedLease> before = GrantReceived();
+  Commit(kAnn, before.at(0));
+  scheduler_.workers().Add(kBen, traits);  // the end of its first connection is not known yet
+  const std::vector<GrantedLease> after = scheduler_.GrantLeases(kStart);
+  ASSERT_EQ(after.size(), 4u);
+  for (size_t i = 0; i < 3; ++i) {
+    const GrantedLease& lost = before[i + 1];
+    EXPECT_EQ(scheduler_.units().Complete(kAnn, lost.unit, lost.attempt, kStart), Completion::kStale);
+    EXPECT_EQ(after[i].unit, lost.unit);
+    EXPECT_EQ(after[i].worker, kBen);
+  }
+  EXPECT_NE(after[3].unit, before[0].unit) << "it is committed";
+  EXPECT_THAT(scheduler_.workers().Remove(kAnn), IsEmpty());
+  for (const GrantedLease& lease : after)
+    EXPECT_TRUE(scheduler_.units().HoldsLease(kBen, lease.unit, lease.attempt));
+}
+
+TEST_F(SchedulerFailuresTest, AnInstanceOfAnotherNameIsAnotherProcess) {
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(kAnn, {.name = "one", .numeric_class = "avx2", .instance = 7, .slots = 4});
+  const std::vector<GrantedLease> before = GrantReceived();
+  scheduler_.workers().Add(kBen, {.name = "two", .numeric_class = "avx2", .instance = 7, .slots = 4});
+  for (const GrantedLease& lease : before)
+    EXPECT_TRUE(scheduler_.units().HoldsLease(kAnn, lease.unit, lease.attempt));
+}
+
+TEST_F(SchedulerFailuresTest, ConnectionsThatBreakAgainAndAgainAreNoLosses) {
+  scheduler_.jobs().Add(kJob, Spec());
+  for (int64_t i = 1; i <= 20; ++i) {  // as losses, these would put the unit into quarantine
+    scheduler_.workers().Add(WorkerId(i),
+                             {.name = "one", .numeric_class = "avx2", .instance = 7, .slots = 1});
+    EXPECT_FALSE(GrantReceived().at(0).alone);
+    // Half of them before the next one connects, half of them after.
+    if (i % 2 == 1) continue;
+    EXPECT_THAT(scheduler_.workers().Remove(WorkerId(i)), IsEmpty());
+    EXPECT_THAT(scheduler_.workers().Remove(WorkerId(i - 1)), IsEmpty());
+  }
+}
+
 }  // namespace
 }  // namespace lumifold::scheduler

@@ -38,14 +38,11 @@ PumpedWorker::PumpedWorker(Coordinator* coordinator, int slots, const std::strin
   Open(coordinator, std::move(hello), caller);
 }
 
-PumpedWorker::PumpedWorker(Coordinator* coordinator, int slots, uint64_t instance,
-                           const std::vector<v1::Lease>& in_hand)
-    : seed_(1) {
+PumpedWorker::PumpedWorker(Coordinator* coordinator, int slots, uint64_t instance) : seed_(1) {
   v1::Hello hello;
   hello.set_name("pumped");
   hello.set_slots(slots);
   hello.set_instance(instance);
-  hello.mutable_in_hand()->Add(in_hand.begin(), in_hand.end());
   Open(coordinator, std::move(hello), access::LocalIdentity());
 }
 
@@ -64,8 +61,6 @@ void PumpedWorker::Send(const v1::CoordinatorMessage& message) {
     leases_.push_back(lease);
     leased_.insert(job::UnitFromProto(lease.unit()));
   }
-  for (const v1::Lease& lease : message.void_leases().leases())
-    voided_.insert(job::UnitFromProto(lease.unit()));
   if (message.has_move()) move_address_ = message.move().address();
   if (message.has_ack() && message.ack().refused().empty())
     acknowledged_.insert(job::UnitFromProto(message.ack().unit()));
@@ -91,14 +86,9 @@ int PumpedWorker::leases() const {
   return static_cast<int>(leases_.size());
 }
 
-std::vector<v1::Lease> PumpedWorker::held() const {
+job::UnitRef PumpedWorker::next() const {
   absl::MutexLock lock(&mutex_);
-  return {leases_.begin(), leases_.end()};
-}
-
-std::set<job::UnitRef> PumpedWorker::voided() const {
-  absl::MutexLock lock(&mutex_);
-  return voided_;
+  return job::UnitFromProto(leases_.front().unit());
 }
 
 std::string PumpedWorker::move_address() const {

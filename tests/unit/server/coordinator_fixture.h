@@ -29,17 +29,16 @@ class PumpedWorker final : public WorkerSink {
   /// connection it is.
   PumpedWorker(Coordinator* coordinator, int slots, const std::string& name = "pumped", uint32_t seed = 1,
                const access::Identity& caller = access::LocalIdentity());
-  /// The next connection of the same process, which has these units in hand. The last one may still be open.
-  PumpedWorker(Coordinator* coordinator, int slots, uint64_t instance, const std::vector<v1::Lease>& in_hand);
+  /// A connection of the process with this number. An earlier one may still be open.
+  PumpedWorker(Coordinator* coordinator, int slots, uint64_t instance);
 
   void Send(const v1::CoordinatorMessage& message) override;
   /// Delivers the units of at most `count` leases that it has got; returns how many.
   int Deliver(int count = 1'000'000);
   int leases() const;
-  /// Leases that it has got and not delivered.
-  std::vector<v1::Lease> held() const;
-  /// Units in hand that it was told to drop, and where it was sent to.
-  std::set<job::UnitRef> voided() const;
+  /// The unit that it delivers next.
+  job::UnitRef next() const;
+  /// Where it was sent to.
   std::string move_address() const;
   /// Units that were acknowledged.
   std::set<job::UnitRef> acknowledged() const;
@@ -63,7 +62,6 @@ class PumpedWorker final : public WorkerSink {
   std::deque<v1::Lease> leases_ ABSL_GUARDED_BY(mutex_);
   std::set<job::UnitRef> leased_ ABSL_GUARDED_BY(mutex_);
   std::set<job::UnitRef> acknowledged_ ABSL_GUARDED_BY(mutex_);
-  std::set<job::UnitRef> voided_ ABSL_GUARDED_BY(mutex_);
   std::string move_address_ ABSL_GUARDED_BY(mutex_);
   std::unique_ptr<WorkerSession> session_;  // last: it uses the members above
 };

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -115,7 +116,7 @@ TEST(LeaseRunner, CountsLeasesAndUnits) {
   EXPECT_GE(figures.rays, figures.samples);
   EXPECT_EQ(figures.failures.at("refused"), 1);
   rig.worker->OnDisconnected();
-  EXPECT_EQ(rig.worker->Figures().units_in_hand, 2);
+  EXPECT_EQ(rig.worker->Figures().leases.at("delivered"), 0);
 }
 
 TEST(LeaseRunner, ReportsTheProgressOfItsLeases) {
@@ -170,6 +171,51 @@ TEST(LeaseRunner, DropsWhatALostConnectionLeased) {
   }
   EXPECT_EQ(lost->size(), 0u);
   EXPECT_EQ(next->size(), 1u);
+}
+
+TEST(LeaseRunner, RendersAUnitAgainThatALostConnectionLeased) {
+  Rig rig;
+  v1::CoordinatorMessage grant = Grant(1);
+  rig.worker->OnMessage(grant);
+  const std::string pixels = rig.outbox->Await(1)[0].chunk().pixels().SerializeAsString();
+  rig.worker->OnDisconnected();
+  const auto next = std::make_shared<FakeOutbox>();
+  rig.worker->OnConnected(next);
+  grant.mutable_grant()->mutable_leases(0)->set_attempt(100);
+  rig.worker->OnMessage(grant);
+  const v1::WorkerMessage message = next->Await(1)[0];
+  EXPECT_EQ(message.chunk().attempt(), 100);
+  EXPECT_EQ(message.chunk().pixels().SerializeAsString(), pixels);
+  EXPECT_EQ(rig.worker->Figures().units_rendered, 2);
+}
+
+TEST(LeaseRunner, StopsWhatALostConnectionLeased) {
+  Rig rig;
+  v1::CoordinatorMessage grant = Grant(1);
+  grant.mutable_grant()->mutable_leases(0)->set_last_sample(1 << 30);  // hours of work
+  rig.worker->OnMessage(grant);
+  rig.assets.AwaitFetches(1);
+  rig.worker->OnDisconnected();
+  const auto next = std::make_shared<FakeOutbox>();
+  rig.worker->OnConnected(next);
+  rig.worker->OnMessage(Grant(1));
+  EXPECT_TRUE(next->Await(1)[0].has_chunk()) << "its only thread is free";
+  EXPECT_EQ(rig.worker->Figures().units_rendered, 1);
+}
+
+TEST(LeaseRunner, AFailureOfALostConnectionIsNoneOfTheNextLease) {
+  Rig rig(absl::UnavailableError("the connection to the coordinator was lost"));
+  rig.assets.SetOpen(false);
+  v1::CoordinatorMessage grant = Grant(1);
+  rig.worker->OnMessage(grant);
+  rig.assets.AwaitFetches(1);
+  rig.worker->OnDisconnected();
+  rig.worker->OnConnected(rig.outbox);
+  grant.mutable_grant()->mutable_leases(0)->set_attempt(100);
+  rig.worker->OnMessage(grant);
+  rig.assets.SetOpen(true);
+  EXPECT_EQ(rig.outbox->Await(1)[0].failure().attempt(), 100);
+  EXPECT_EQ(rig.assets.fetches(), 2) << "it is tried once more, for the new lease";
 }
 
 TEST(LeaseRunner, ForgetsAnEndedJob) {
@@ -259,6 +305,52 @@ TEST(LeaseRunner, HandsBackWhatItCannotFinishInTime) {
   rig.worker->OnMessage(Released());
   EXPECT_TRUE(rig.worker->HasLeft());
 }  // the destructor waits for the unit that is no longer wanted
+
+TEST(LeaseRunner, AMoveFinishesWhatIsRenderedAndHandsBackTheRest) {
+  Rig rig;
+  rig.assets.SetOpen(false);
+  const v1::CoordinatorMessage grant = Grant(3);
+  rig.worker->OnMessage(grant);
+  rig.assets.AwaitFetches(1);
+  v1::CoordinatorMessage move;
+  move.mutable_move()->set_address("b:7700");
+  rig.worker->OnMessage(move);
+  EXPECT_TRUE(rig.worker->IsMoving());
+  EXPECT_FALSE(rig.worker->IsLeaving());
+  EXPECT_THAT(rig.outbox->Await(1)[0].hand_back().leases(), SizeIs(2));
+  v1::CoordinatorMessage late = Grant(1, "k");
+  late.mutable_grant()->mutable_leases(0)->set_attempt(100);
+  rig.worker->OnMessage(late);
+  EXPECT_EQ(rig.outbox->Await(2)[1].hand_back().leases(0).unit().job_id(), "k");
+  EXPECT_FALSE(rig.worker->HasLeft());
+  rig.assets.SetOpen(true);
+  EXPECT_TRUE(rig.outbox->Await(3)[2].has_chunk());
+  EXPECT_FALSE(rig.worker->HasLeft()) << "it is not acknowledged";
+  rig.worker->OnMessage(Ack(grant.grant().leases(0)));
+  EXPECT_TRUE(rig.worker->HasLeft());
+  rig.worker->OnDisconnected();
+  EXPECT_EQ(rig.worker->TakeMove(), "b:7700");
+  EXPECT_FALSE(rig.worker->IsMoving());
+  EXPECT_EQ(rig.worker->TakeMove(), std::nullopt);
+}
+
+TEST(LeaseRunner, AMoveAtOnceWaitsForNoAcknowledgement) {
+  Rig rig;
+  rig.assets.SetOpen(false);
+  rig.worker->OnMessage(Grant(2));
+  rig.assets.AwaitFetches(1);
+  v1::CoordinatorMessage move;
+  move.mutable_move()->set_address("b:7700");
+  rig.worker->OnMessage(move);
+  EXPECT_FALSE(rig.worker->HasLeft());
+  move.mutable_move()->set_at_once(true);
+  move.mutable_move()->clear_address();
+  rig.worker->OnMessage(move);
+  EXPECT_TRUE(rig.worker->HasLeft());
+  rig.worker->OnDisconnected();
+  EXPECT_EQ(rig.worker->TakeMove(), "") << "the coordinator that it was to go to before may be as bad";
+  rig.assets.SetOpen(true);
+}
 
 TEST(LeaseRunner, StopsRenderingAUnitWhoseLeaseIsVoid) {
   Rig rig;

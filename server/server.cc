@@ -49,7 +49,7 @@
 #include "server/finish/frame_finisher.h"
 #include "server/ledger/open_job_store.h"
 #include "server/ledger/roster.h"
-#include "server/metrics/farm_figures.h"
+#include "server/metrics/farm_metrics.h"
 #include "server/net/connection_limits.h"
 #include "server/net/listener.h"
 #include "server/page/status_page.h"
@@ -366,9 +366,9 @@ absl::Status ServerImpl::ShowMetrics() {
   absl::StatusOr<std::unique_ptr<monitoring::Endpoint>> metrics = monitoring::Endpoint::Start(
       {.sockets = &metrics_.sockets,
        .sources = {monitoring::MakeFarmMetrics([this] {
-                     monitoring::FarmFigures figures = coordinator_->Figures();
-                     figures.page_viewers = page_ == nullptr ? 0 : page_->viewers();
-                     return figures;
+                     monitoring::FarmMetrics farm = coordinator_->Metrics();
+                     farm.page_viewers = page_ == nullptr ? 0 : page_->viewers();
+                     return farm;
                    }),
                    coordinator_->resources().timings.source(), monitoring::MakeProcessMetrics()},
        .now = rpc::MonotonicNow});

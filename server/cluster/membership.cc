@@ -18,7 +18,7 @@ constexpr int kRenewalsPerLease = 6;
 /// Jobs without an owner appear when a member leaves; others, of coordinators that ended before they were
 /// members, are looked for this seldom.
 constexpr absl::Duration kAdoptionInterval = absl::Seconds(10);
-/// Between two moves of workers, in leases: by then those that moved are in the figures of the roster.
+/// Between two moves of workers, in leases: by then those that moved are in the metrics of the roster.
 constexpr double kLeasesPerMove = 0.7;
 /// Between two attempts to send away workers that have come back, as they reached no other coordinator.
 constexpr double kLeasesPerSendingAway = 10;
@@ -126,7 +126,7 @@ void Membership::WatchDatabase() {
 absl::Status Membership::Tick() {
   const absl::Time now = rpc::MonotonicNow();
   ledger::Member self{.owner = options_.owner, .address = options_.address};
-  host_->SetFigures(&self);
+  host_->SetMetrics(&self);
   absl::StatusOr<std::vector<ledger::Member>> members = roster_->Renew(self);
   if (!members.ok()) return members.status();
   {

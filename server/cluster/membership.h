@@ -26,8 +26,8 @@ class MemberHost {
  public:
   virtual ~MemberHost() = default;
 
-  /// Sets the figures of `member`.
-  virtual void SetFigures(ledger::Member* member) = 0;
+  /// Sets the metrics of `member`.
+  virtual void SetMetrics(ledger::Member* member) = 0;
   /// These jobs are this coordinator's from now on.
   virtual void Adopt(const std::vector<ledger::AdoptedJob>& jobs) = 0;
   virtual void MoveWorkers(const WorkerMove& move) = 0;

@@ -16,12 +16,12 @@
 #include "server/coordinator/commit_results.h"
 #include "server/coordinator/farm_records.h"
 #include "server/coordinator/farm_state.h"
-#include "server/coordinator/figures.h"
 #include "server/coordinator/frame_finishing.h"
 #include "server/coordinator/housekeeping.h"
 #include "server/coordinator/job_changes.h"
 #include "server/coordinator/job_loader.h"
 #include "server/coordinator/job_queries.h"
+#include "server/coordinator/metrics.h"
 #include "server/coordinator/operator_calls.h"
 #include "server/coordinator/submission.h"
 #include "server/coordinator/takeover.h"
@@ -176,6 +176,6 @@ absl::StatusOr<int64_t> Coordinator::CountUnits(const JobId& job, int32_t frame)
   return queries_->CountUnits(job, frame);
 }
 
-monitoring::FarmFigures Coordinator::Figures() { return FiguresOf(resources_, state_.get()); }
+monitoring::FarmMetrics Coordinator::Metrics() { return MetricsOf(resources_, state_.get()); }
 
 }  // namespace lumifold::server

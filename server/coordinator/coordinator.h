@@ -8,7 +8,7 @@
 #include "server/coordinator/options.h"
 #include "server/coordinator/resources.h"
 #include "server/coordinator/roles.h"
-#include "server/metrics/farm_figures.h"
+#include "server/metrics/farm_metrics.h"
 
 namespace lumifold::cluster {
 class MemberHost;
@@ -69,7 +69,7 @@ class Coordinator {
   /// and the frame.
   absl::StatusOr<int64_t> CountUnits(const job::JobId& job, int32_t frame);
   /// What the metrics endpoint shows. Linear in active jobs and workers.
-  monitoring::FarmFigures Figures();
+  monitoring::FarmMetrics Metrics();
   /// Owner, storage, timings, traffic.
   Resources& resources() { return resources_; }
 

@@ -28,7 +28,7 @@ bool GetsLeases(v1::WorkerState state) {
 
 }  // namespace
 
-void Takeover::SetFigures(ledger::Member* member) {
+void Takeover::SetMetrics(ledger::Member* member) {
   FarmState::View farm(state_);
   member->active_jobs = static_cast<int64_t>(farm->jobs.active().size());
   for (const auto& [id, worker] : farm->workers.connected()) {

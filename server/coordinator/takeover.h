@@ -33,7 +33,7 @@ class Takeover final : public cluster::MemberHost {
   Takeover(Resources* resources, FarmState* state, Parts parts)
       : resources_(resources), state_(state), parts_(std::move(parts)) {}
 
-  void SetFigures(ledger::Member* member) override;
+  void SetMetrics(ledger::Member* member) override;
   void Adopt(const std::vector<ledger::AdoptedJob>& jobs) override;
   void MoveWorkers(const cluster::WorkerMove& move) override;
   void SendWorkersAway(const std::string& address) override;

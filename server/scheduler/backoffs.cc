@@ -4,16 +4,6 @@
 #include <iterator>
 
 namespace lumifold::scheduler {
-namespace {
-
-/// Doublings that are counted: 2^30 first pauses are longer than any limit.
-constexpr int kMaxDoublings = 30;
-
-}  // namespace
-
-absl::Duration Backoffs::LengthAfter(int failures) const {
-  return std::min(first_ * (int64_t{1} << std::min(failures - 1, kMaxDoublings)), longest_);
-}
 
 void Backoffs::Begin(const UnitIndex& unit, absl::Time end) {
   End(unit);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/time/time.h"
+#include "proto/retry/pauses.h"
 #include "server/scheduler/types.h"
 #include "server/scheduler/unit_index.h"
 
@@ -23,12 +24,10 @@ class Backoffs {
     absl::Time end;
   };
 
-  explicit Backoffs(const SchedulerOptions& options)
-      : first_(options.first_backoff), longest_(options.longest_backoff) {}
+  explicit Backoffs(const SchedulerOptions& options) : lengths_(options.backoff) {}
 
-  /// The pause after the last of `failures` failures of a unit: the first one, doubled by each further
-  /// failure, and no longer than the longest.
-  absl::Duration LengthAfter(int failures) const;
+  /// The pause after the last of `failures` failures of a unit.
+  absl::Duration LengthAfter(int failures) const { return lengths_.After(failures); }
   /// The unit pauses until `end`, and no longer until an earlier one.
   void Begin(const UnitIndex& unit, absl::Time end);
   /// The unit, if it pauses, does so no more.
@@ -45,8 +44,7 @@ class Backoffs {
   void ForgetJob(int64_t job);
 
  private:
-  const absl::Duration first_;
-  const absl::Duration longest_;
+  const retry::Pauses lengths_;
   std::set<std::pair<absl::Time, UnitIndex>> by_end_;
   std::map<UnitIndex, absl::Time> by_unit_;
 };

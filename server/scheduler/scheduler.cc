@@ -35,23 +35,23 @@ std::vector<Reason> Scheduler::Explain(const job::JobId& job, absl::Time now) co
   return scheduler::Explain(state_, job, now);
 }
 
-Figures Scheduler::CountAll() const {
-  Figures figures;
-  figures.leases_expired = watch_.expired();
-  figures.retries = leasing_.retries();
+Metrics Scheduler::CountAll() const {
+  Metrics metrics;
+  metrics.leases_expired = watch_.expired();
+  metrics.retries = leasing_.retries();
   for (const auto& [number, job] : state_.jobs.all()) {
-    figures.units_leased += job.leases.units;
+    metrics.units_leased += job.leases.units;
     if (!job.paused)
-      figures.units_queued += job.units.total() - job.frames.committed_units() - job.leases.units;
+      metrics.units_queued += job.units.total() - job.frames.committed_units() - job.leases.units;
   }
   for (const auto& [unit, worker] : state_.accepted)
-    figures.units_queued -= state_.jobs.Get(unit.job).paused ? 0 : 1;
+    metrics.units_queued -= state_.jobs.Get(unit.job).paused ? 0 : 1;
   for (const job::WorkerId id : state_.workers.After(job::WorkerId(0), std::numeric_limits<int>::max())) {
     const Worker& worker = *state_.workers.Find(id);
-    figures.slots += worker.traits.slots;
-    ++figures.workers[StateOf(worker)];
+    metrics.slots += worker.traits.slots;
+    ++metrics.workers[StateOf(worker)];
   }
-  return figures;
+  return metrics;
 }
 
 }  // namespace lumifold::scheduler

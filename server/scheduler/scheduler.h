@@ -55,7 +55,7 @@ class Scheduler {
   /// See scheduler::Explain.
   std::vector<Reason> Explain(const job::JobId& job, absl::Time now) const;
   /// Counts of units and workers. Linear in jobs, workers and accepted units.
-  Figures CountAll() const;
+  Metrics CountAll() const;
 
  private:
   State state_;

@@ -10,6 +10,7 @@
 #include "filter/image/tile_samples.h"
 #include "lumifold/v1/farm.pb.h"
 #include "lumifold/v1/job.pb.h"
+#include "proto/retry/pauses.h"
 #include "server/job/ids.h"
 #include "server/job/unit.h"
 #include "server/scheduler/fair_share.h"
@@ -32,10 +33,8 @@ struct SchedulerOptions {
   /// A unit with which this many workers were lost, or twice as many times any, is in quarantine: it is
   /// leased once more, to a worker that then renders nothing else. If that is lost too, the job fails.
   int max_lost_workers = 3;
-  /// A failed unit waits this long before it is leased again, twice as long after each further failure, and
-  /// no longer than `longest_backoff`.
-  absl::Duration first_backoff = absl::Seconds(1);
-  absl::Duration longest_backoff = absl::Seconds(60);
+  /// How long a failed unit waits before it is leased again, by the number of its failures.
+  retry::Pauses backoff = {.first = absl::Seconds(1), .longest = absl::Seconds(60)};
   /// A worker that failed units of this many jobs within `cool_down`, each rendered by another worker since,
   /// gets no leases for `cool_down`.
   int max_attributed_jobs = 2;
@@ -101,7 +100,7 @@ enum class RetryReason {
 };
 
 /// Counts of units and workers.
-struct Figures {
+struct Metrics {
   int64_t units_queued = 0;    // neither leased, accepted nor committed, of jobs that are not paused
   int64_t units_leased = 0;    // once or twice; audits do not count
   int64_t slots = 0;           // of all workers

@@ -22,7 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-
 /// Everything in a folder and the folder itself, contents first.
 absl::StatusOr<std::vector<std::string>> ContentsFirst(const std::string& path) {
   std::vector<std::string> all;

@@ -29,7 +29,7 @@
 #include "worker/connection/remote_sources.h"
 #include "worker/connection/route.h"
 #include "worker/leases/lease_runner.h"
-#include "worker/metrics/worker_figures.h"
+#include "worker/metrics/worker_metrics.h"
 #include "worker/render/renderer.h"
 #include "worker/units/unit_renderer.h"
 
@@ -411,7 +411,7 @@ class Worker {
     if (options_.metrics != nullptr) {
       absl::StatusOr<std::unique_ptr<monitoring::Endpoint>> started = monitoring::Endpoint::Start(
           {.sockets = options_.metrics,
-           .sources = {monitoring::MakeWorkerMetrics([this] { return Figures(); }),
+           .sources = {monitoring::MakeWorkerMetrics([this] { return Metrics(); }),
                        monitoring::MakeProcessMetrics()},
            .now = rpc::MonotonicNow});
       if (!started.ok()) return started.status();
@@ -421,18 +421,18 @@ class Worker {
   }
 
  private:
-  monitoring::WorkerFigures Figures() const {
-    monitoring::WorkerFigures figures = impl_.Figures();
-    figures.is_connected = current_.Get().channel != nullptr;
-    figures.connections = current_.connections();
+  monitoring::WorkerMetrics Metrics() const {
+    monitoring::WorkerMetrics metrics = impl_.Metrics();
+    metrics.is_connected = current_.Get().channel != nullptr;
+    metrics.connections = current_.connections();
     const UnitRenderer::Loads loads = renderer_.loads();
-    figures.scenes_loaded = loads.scenes;
-    figures.load_time = loads.time;
-    figures.assets = {
+    metrics.scenes_loaded = loads.scenes;
+    metrics.load_time = loads.time;
+    metrics.assets = {
         {"coordinator", fetched_.assets()}, {"folder", folder_.hits()}, {"memory", cache_.hits()}};
-    figures.asset_bytes_received = fetched_.bytes();
-    figures.asset_cache_bytes = cache_.bytes();
-    return figures;
+    metrics.asset_bytes_received = fetched_.bytes();
+    metrics.asset_cache_bytes = cache_.bytes();
+    return metrics;
   }
 
   const WorkerOptions& options_;

@@ -71,11 +71,11 @@ void HeldUnits::AddTo(v1::Heartbeat* heartbeat) const {
   heartbeat->set_newest_attempt(newest_attempt_);
 }
 
-void HeldUnits::AddTo(monitoring::WorkerFigures* figures) const {
-  figures->leases = {{"waiting", 0}, {"rendering", 0}, {"delivered", 0}};
+void HeldUnits::AddTo(monitoring::WorkerMetrics* metrics) const {
+  metrics->leases = {{"waiting", 0}, {"rendering", 0}, {"delivered", 0}};
   for (const v1::Lease& lease : held_) {
     const char* const state = !IsTaken(lease) ? "waiting" : IsDelivered(lease) ? "delivered" : "rendering";
-    ++figures->leases[state];
+    ++metrics->leases[state];
   }
 }
 

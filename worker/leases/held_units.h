@@ -9,7 +9,7 @@
 
 #include "absl/time/time.h"
 #include "lumifold/v1/worker.pb.h"
-#include "worker/metrics/worker_figures.h"
+#include "worker/metrics/worker_metrics.h"
 #include "worker/units/unit_renderer.h"
 
 namespace lumifold::worker {
@@ -65,7 +65,7 @@ class HeldUnits {
   /// The held leases with their progress, and the highest attempt received on this connection.
   void AddTo(v1::Heartbeat* heartbeat) const;
   /// Counts leases.
-  void AddTo(monitoring::WorkerFigures* figures) const;
+  void AddTo(monitoring::WorkerMetrics* metrics) const;
 
  private:
   /// Stops the unit of a lease that is not held any more, if a thread has taken it.

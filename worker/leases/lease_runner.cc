@@ -308,16 +308,16 @@ void LeaseRunner::Deliver(const TakenPtr& taken, const RenderedUnit& unit) {
   totals_.unit_bytes_sent += bytes;
 }
 
-monitoring::WorkerFigures LeaseRunner::Figures() const {
+monitoring::WorkerMetrics LeaseRunner::Metrics() const {
   const ThreadActivities::Times spent = activities_.Spent(rpc::MonotonicNow());
   absl::MutexLock lock(&mutex_);
-  monitoring::WorkerFigures figures = totals_;
-  units_.AddTo(&figures);
+  monitoring::WorkerMetrics metrics = totals_;
+  units_.AddTo(&metrics);
   for (const auto& [activity, name] : {std::pair{Activity::kWaiting, "waiting"},
                                        {Activity::kRendering, "rendering"},
                                        {Activity::kSending, "sending"}})
-    figures.seconds[name] = absl::ToDoubleSeconds(spent[static_cast<size_t>(activity)]);
-  return figures;
+    metrics.seconds[name] = absl::ToDoubleSeconds(spent[static_cast<size_t>(activity)]);
+  return metrics;
 }
 
 }  // namespace lumifold::worker

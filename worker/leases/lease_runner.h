@@ -16,7 +16,7 @@
 #include "worker/leases/thread_account.h"
 #include "worker/leases/thread_activities.h"
 #include "worker/leases/worker_log.h"
-#include "worker/metrics/worker_figures.h"
+#include "worker/metrics/worker_metrics.h"
 #include "worker/units/unit_renderer.h"
 
 namespace lumifold::worker {
@@ -79,11 +79,11 @@ class LeaseRunner {
   absl::Time IdleSince() const;
 
   /// Its leases, units and threads; what is none of them is zero.
-  monitoring::WorkerFigures Figures() const;
+  monitoring::WorkerMetrics Metrics() const;
 
  private:
   /// How far it is with leaving or moving.
-  struct Leave {
+  struct LeaveState {
     bool leaving = false;
     bool released = false;  // the coordinator has answered: no grant is under way
     std::optional<v1::Move> move;
@@ -124,10 +124,10 @@ class LeaseRunner {
 
   mutable absl::Mutex mutex_;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
-  Leave leave_ ABSL_GUARDED_BY(mutex_);
+  LeaveState leave_ ABSL_GUARDED_BY(mutex_);
   std::shared_ptr<Outbox> outbox_ ABSL_GUARDED_BY(mutex_);
   HeldUnits units_ ABSL_GUARDED_BY(mutex_);
-  monitoring::WorkerFigures totals_ ABSL_GUARDED_BY(mutex_);  // what only grows
+  monitoring::WorkerMetrics totals_ ABSL_GUARDED_BY(mutex_);  // what only grows
 };
 
 }  // namespace lumifold::worker

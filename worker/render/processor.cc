@@ -7,8 +7,7 @@
 #elif defined(__aarch64__)
 #include <arm_neon.h>
 #else
-#error \
-    "Embree knows x86-64 and arm64 only: another processor needs its instructions and a numeric class"
+#error "Embree knows x86-64 and arm64 only: another processor needs its instructions and a numeric class"
 #endif
 
 namespace lumifold::render {

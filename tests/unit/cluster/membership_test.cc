@@ -51,7 +51,7 @@ class FakeRoster final : public ledger::Roster {
 
 class FakeHost final : public MemberHost {
  public:
-  void SetFigures(Member*) override {}
+  void SetMetrics(Member*) override {}
   void Adopt(const std::vector<ledger::AdoptedJob>&) override {}
   void MoveWorkers(const WorkerMove&) override {}
   void SendWorkersAway(const std::string& address) override {

@@ -19,7 +19,7 @@ class BackoffsTest : public ::testing::Test {
   /// Of the first job's longest pause.
   Place LongestPlace() const { return backoffs_.LongestOf(7).value_or(Backoffs::Pause{}).place; }
 
-  Backoffs backoffs_{{.first_backoff = absl::Seconds(1), .longest_backoff = absl::Seconds(10)}};
+  Backoffs backoffs_{{.backoff = {.first = absl::Seconds(1), .longest = absl::Seconds(10)}}};
 };
 
 TEST_F(BackoffsTest, APauseDoublesWithEachFailureUpToTheLongest) {

@@ -1,7 +1,7 @@
 // Random histories checked against a model of the rules: for any events in any order each unit is committed
 // exactly once, no unit is lost, a lease that has ended delivers nothing, all units of a job are of one
 // numeric class, paused jobs and drained or blocked workers get no leases, units of faulty workers are
-// rendered again, the figures count every unit once, and a restart at any time preserves this.
+// rendered again, the metrics count every unit once, and a restart at any time preserves this.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -98,10 +98,10 @@ class RandomHistory {
       if (held == held_.end()) continue;
       for (const ModelLease& lease : held->second) EXPECT_NE(lease.attempt, revoked.attempt);
     }
-    CheckFigures();
+    CheckMetrics();
   }
 
-  void CheckFigures() {
+  void CheckMetrics() {
     std::set<UnitRef> leased;
     for (const auto& [worker, leases] : held_) {
       for (const ModelLease& lease : leases) {
@@ -114,10 +114,10 @@ class RandomHistory {
     }
     for (const auto& [unit, count] : commits_) queued -= paused_.contains(unit.job) ? 0 : 1;
     for (const UnitRef& unit : leased) queued -= paused_.contains(unit.job) ? 0 : 1;
-    const Figures figures = scheduler_->CountAll();
-    EXPECT_EQ(figures.units_queued, queued);
-    EXPECT_EQ(figures.units_leased, static_cast<int64_t>(leased.size()));
-    EXPECT_EQ(figures.slots, kWorkers * kSlots);
+    const Metrics metrics = scheduler_->CountAll();
+    EXPECT_EQ(metrics.units_queued, queued);
+    EXPECT_EQ(metrics.units_leased, static_cast<int64_t>(leased.size()));
+    EXPECT_EQ(metrics.slots, kWorkers * kSlots);
   }
 
   void Act() {

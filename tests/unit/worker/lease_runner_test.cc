@@ -101,22 +101,22 @@ TEST(LeaseRunner, CountsLeasesAndUnits) {
   const v1::CoordinatorMessage grant = Grant(3);
   rig.worker->OnMessage(grant);
   rig.assets.AwaitFetches(1);
-  monitoring::WorkerFigures figures = rig.worker->Figures();
-  EXPECT_THAT(figures.leases, ElementsAre(Pair("delivered", 0), Pair("rendering", 1), Pair("waiting", 2)));
-  EXPECT_EQ(figures.units_rendered, 0);
+  monitoring::WorkerMetrics metrics = rig.worker->Metrics();
+  EXPECT_THAT(metrics.leases, ElementsAre(Pair("delivered", 0), Pair("rendering", 1), Pair("waiting", 2)));
+  EXPECT_EQ(metrics.units_rendered, 0);
   rig.assets.SetOpen(true);
   rig.outbox->Await(3);
   v1::CoordinatorMessage refusal = Ack(grant.grant().leases(0));
   refusal.mutable_ack()->set_refused("damaged");
   rig.worker->OnMessage(refusal);
-  figures = rig.worker->Figures();
-  EXPECT_THAT(figures.leases, ElementsAre(Pair("delivered", 2), Pair("rendering", 0), Pair("waiting", 0)));
-  EXPECT_EQ(figures.units_rendered, 3);
-  EXPECT_EQ(figures.samples, 3 * 16 * 16 * 2);
-  EXPECT_GE(figures.rays, figures.samples);
-  EXPECT_EQ(figures.failures.at("refused"), 1);
+  metrics = rig.worker->Metrics();
+  EXPECT_THAT(metrics.leases, ElementsAre(Pair("delivered", 2), Pair("rendering", 0), Pair("waiting", 0)));
+  EXPECT_EQ(metrics.units_rendered, 3);
+  EXPECT_EQ(metrics.samples, 3 * 16 * 16 * 2);
+  EXPECT_GE(metrics.rays, metrics.samples);
+  EXPECT_EQ(metrics.failures.at("refused"), 1);
   rig.worker->OnDisconnected();
-  EXPECT_EQ(rig.worker->Figures().leases.at("delivered"), 0);
+  EXPECT_EQ(rig.worker->Metrics().leases.at("delivered"), 0);
 }
 
 TEST(LeaseRunner, ReportsTheProgressOfItsLeases) {
@@ -186,7 +186,7 @@ TEST(LeaseRunner, RendersAUnitAgainThatALostConnectionLeased) {
   const v1::WorkerMessage message = next->Await(1)[0];
   EXPECT_EQ(message.chunk().attempt(), 100);
   EXPECT_EQ(message.chunk().pixels().SerializeAsString(), pixels);
-  EXPECT_EQ(rig.worker->Figures().units_rendered, 2);
+  EXPECT_EQ(rig.worker->Metrics().units_rendered, 2);
 }
 
 TEST(LeaseRunner, StopsWhatALostConnectionLeased) {
@@ -200,7 +200,7 @@ TEST(LeaseRunner, StopsWhatALostConnectionLeased) {
   rig.worker->OnConnected(next);
   rig.worker->OnMessage(Grant(1));
   EXPECT_TRUE(next->Await(1)[0].has_chunk()) << "its only thread is free";
-  EXPECT_EQ(rig.worker->Figures().units_rendered, 1);
+  EXPECT_EQ(rig.worker->Metrics().units_rendered, 1);
 }
 
 TEST(LeaseRunner, AFailureOfALostConnectionIsNoneOfTheNextLease) {
@@ -393,7 +393,7 @@ TEST(LeaseRunner, NamesTheAssetThatTheCoordinatorLost) {
     const v1::WorkerMessage message = rig.outbox->Await(1).front();
     EXPECT_FALSE(message.failure().permanent());
     EXPECT_EQ(message.failure().missing_asset().sha256(), "5ca1ab1e");
-    EXPECT_EQ(rig.worker->Figures().failures.at("missing_asset"), 1);
+    EXPECT_EQ(rig.worker->Metrics().failures.at("missing_asset"), 1);
   }
 }
 
@@ -404,7 +404,7 @@ TEST(LeaseRunner, SaysThatABrokenSceneIsBrokenForEveryone) {
   ASSERT_TRUE(message.has_failure());
   EXPECT_TRUE(message.failure().permanent());
   EXPECT_FALSE(message.failure().has_missing_asset());
-  EXPECT_EQ(rig.worker->Figures().failures.at("permanent"), 1);
+  EXPECT_EQ(rig.worker->Metrics().failures.at("permanent"), 1);
   EXPECT_THAT(message.failure().error(), HasSubstr("triangle.gltf"));
 }
 
@@ -412,7 +412,7 @@ TEST(LeaseRunner, SaysThatALostCoordinatorIsNoFaultOfTheJob) {
   Rig rig(absl::UnavailableError("gone"));
   rig.worker->OnMessage(Grant(1));
   EXPECT_FALSE(rig.outbox->Await(1).front().failure().permanent());
-  EXPECT_EQ(rig.worker->Figures().failures.at("transient"), 1);
+  EXPECT_EQ(rig.worker->Metrics().failures.at("transient"), 1);
 }
 
 TEST(UnitRenderer, NamesAnEnvironmentThatIsNoPicture) {

@@ -1,4 +1,4 @@
-#include "server/metrics/farm_figures.h"
+#include "server/metrics/farm_metrics.h"
 
 #include <string>
 #include <utility>
@@ -25,69 +25,69 @@ double CountOf(const std::map<State, int64_t>& counts, State state) {
   return found == counts.end() ? 0 : static_cast<double>(found->second);
 }
 
-MetricFamily WorkersOf(const FarmFigures& figures) {
+MetricFamily WorkersOf(const FarmMetrics& metrics) {
   std::map<std::string, double> counts;
   for (const v1::WorkerState state :
        {v1::WORKER_STATE_IDLE, v1::WORKER_STATE_BUSY, v1::WORKER_STATE_DRAINING, v1::WORKER_STATE_SILENT,
         v1::WORKER_STATE_SET_ASIDE, v1::WORKER_STATE_BLOCKED})
-    counts[LabelOf(v1::WorkerState_Name(state), "WORKER_STATE_")] = CountOf(figures.workers, state);
+    counts[LabelOf(v1::WorkerState_Name(state), "WORKER_STATE_")] = CountOf(metrics.workers, state);
   return GaugeBy("state", "lumifold_workers", "Workers that are connected.", counts);
 }
 
-MetricFamily JobsOf(const FarmFigures& figures) {
+MetricFamily JobsOf(const FarmMetrics& metrics) {
   std::map<std::string, double> counts;
   for (const v1::JobState state : {v1::JOB_STATE_SUBMITTED, v1::JOB_STATE_PLANNED, v1::JOB_STATE_RUNNING,
                                    v1::JOB_STATE_FILTERING, v1::JOB_STATE_PAUSED})
-    counts[LabelOf(v1::JobState_Name(state), "JOB_STATE_")] = CountOf(figures.jobs, state);
+    counts[LabelOf(v1::JobState_Name(state), "JOB_STATE_")] = CountOf(metrics.jobs, state);
   return GaugeBy("state", "lumifold_jobs", "Jobs that have not ended.", counts);
 }
 
-MetricFamily RetriesOf(const FarmFigures& figures) {
+MetricFamily RetriesOf(const FarmMetrics& metrics) {
   return CounterBy("reason", "lumifold_unit_retries_total",
                    "Leases that ended, or ran too long, so that their unit became free again.",
-                   {figures.retries.begin(), figures.retries.end()});
+                   {metrics.retries.begin(), metrics.retries.end()});
 }
 
-std::vector<MetricFamily> FamiliesOf(const FarmFigures& figures) {
+std::vector<MetricFamily> FamiliesOf(const FarmMetrics& metrics) {
   const auto number = [](auto value) { return static_cast<double>(value); };
   return {
       Gauge("lumifold_units_queued",
             "Units of jobs that are not paused which no worker has and none has delivered.",
-            number(figures.units_queued)),
-      Gauge("lumifold_units_leased", "Units that workers have.", number(figures.units_leased)),
+            number(metrics.units_queued)),
+      Gauge("lumifold_units_leased", "Units that workers have.", number(metrics.units_leased)),
       Counter("lumifold_units_committed_total", "Units committed since this coordinator started.",
-              number(figures.units_committed)),
+              number(metrics.units_committed)),
       Gauge("lumifold_worker_slots", "Units that the connected workers take at a time.",
-            number(figures.worker_slots)),
-      Gauge("lumifold_page_viewers", "Browsers that watch the status page.", number(figures.page_viewers)),
-      WorkersOf(figures),
-      JobsOf(figures),
+            number(metrics.worker_slots)),
+      Gauge("lumifold_page_viewers", "Browsers that watch the status page.", number(metrics.page_viewers)),
+      WorkersOf(metrics),
+      JobsOf(metrics),
       Gauge("lumifold_blocked_workers", "Names of workers that are blocked, connected or not.",
-            number(figures.blocked_names)),
+            number(metrics.blocked_names)),
       Counter("lumifold_samples_committed_total", "Camera samples of committed units.",
-              number(figures.samples_committed)),
+              number(metrics.samples_committed)),
       Counter("lumifold_lease_expiries_total", "Leases that were not renewed, or made no progress.",
-              number(figures.leases_expired)),
-      RetriesOf(figures),
+              number(metrics.leases_expired)),
+      RetriesOf(metrics),
       CounterBy("kind", "lumifold_received_bytes_total",
                 "Bytes of units from workers and of uploaded assets.",
-                {{"assets", number(figures.traffic.assets_received)},
-                 {"units", number(figures.traffic.units_received)}}),
+                {{"assets", number(metrics.traffic.assets_received)},
+                 {"units", number(metrics.traffic.units_received)}}),
       CounterBy("kind", "lumifold_sent_bytes_total", "Bytes of assets to workers and of results to clients.",
-                {{"assets", number(figures.traffic.assets_sent)},
-                 {"results", number(figures.traffic.results_sent)}}),
+                {{"assets", number(metrics.traffic.assets_sent)},
+                 {"results", number(metrics.traffic.results_sent)}}),
       Gauge("lumifold_storage_writable", "1 while the ledger and the data folder can be written, else 0.",
-            figures.storage.writable ? 1 : 0),
+            metrics.storage.writable ? 1 : 0),
       Gauge("lumifold_disk_free_bytes", "Free bytes of the data folder's disk.",
-            number(figures.storage.free_bytes)),
+            number(metrics.storage.free_bytes)),
       Gauge("lumifold_disk_room_bytes", "Free bytes that uploads and units may take.",
-            number(figures.storage.room_bytes))};
+            number(metrics.storage.room_bytes))};
 }
 
 }  // namespace
 
-std::shared_ptr<prometheus::Collectable> MakeFarmMetrics(std::function<FarmFigures()> figures) {
-  return MakeSource([figures = std::move(figures)] { return FamiliesOf(figures()); });
+std::shared_ptr<prometheus::Collectable> MakeFarmMetrics(std::function<FarmMetrics()> metrics) {
+  return MakeSource([metrics = std::move(metrics)] { return FamiliesOf(metrics()); });
 }
 
 }  // namespace lumifold::monitoring

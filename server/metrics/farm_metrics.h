@@ -16,21 +16,21 @@ class Collectable;
 namespace lumifold::monitoring {
 
 /// Bytes.
-struct TrafficFigures {
+struct TrafficMetrics {
   int64_t units_received = 0;
   int64_t assets_received = 0;  // uploads
   int64_t results_sent = 0;
   int64_t assets_sent = 0;  // to workers
 };
 
-struct StorageFigures {
+struct StorageMetrics {
   bool writable = true;
   uint64_t free_bytes = 0;
   uint64_t room_bytes = 0;  // of them, those that uploads and films may take
 };
 
 /// The state of a coordinator's farm in numbers.
-struct FarmFigures {
+struct FarmMetrics {
   int64_t units_queued = 0;  // of jobs that are not paused; no worker has them, and none has delivered them
   int64_t units_leased = 0;  // rendered now, once or twice
   int64_t units_committed = 0;  // since the coordinator's start
@@ -44,13 +44,13 @@ struct FarmFigures {
   int64_t samples_committed = 0;           // camera samples
   int64_t leases_expired = 0;              // not renewed, or without progress
   std::map<std::string, int64_t> retries;  // units that became free again, by reason: all, zero or not
-  TrafficFigures traffic;
+  TrafficMetrics traffic;
 
-  StorageFigures storage;
+  StorageMetrics storage;
 };
 
-/// A source of metrics that calls `figures`, from the endpoint's thread, whenever it is asked. Each state has
+/// A source of metrics that calls `metrics`, from the endpoint's thread, whenever it is asked. Each state has
 /// a sample, zero or not, so that a sum over them never has a gap.
-std::shared_ptr<prometheus::Collectable> MakeFarmMetrics(std::function<FarmFigures()> figures);
+std::shared_ptr<prometheus::Collectable> MakeFarmMetrics(std::function<FarmMetrics()> metrics);
 
 }  // namespace lumifold::monitoring

@@ -1,4 +1,4 @@
-#include "worker/metrics/worker_figures.h"
+#include "worker/metrics/worker_metrics.h"
 
 #include <utility>
 #include <vector>
@@ -8,42 +8,42 @@
 namespace lumifold::monitoring {
 namespace {
 
-std::vector<prometheus::MetricFamily> FamiliesOf(const WorkerFigures& figures) {
+std::vector<prometheus::MetricFamily> FamiliesOf(const WorkerMetrics& metrics) {
   const auto number = [](auto value) { return static_cast<double>(value); };
   const auto numbers = [](const std::map<std::string, int64_t>& counts) {
     return std::map<std::string, double>(counts.begin(), counts.end());
   };
   return {
       Gauge("lumifold_worker_connected", "1 while a coordinator has admitted this worker, else 0.",
-            figures.is_connected ? 1 : 0),
+            metrics.is_connected ? 1 : 0),
       Counter("lumifold_worker_connections_total", "Connections on which a coordinator admitted this worker.",
-              number(figures.connections)),
-      GaugeBy("state", "lumifold_worker_leases", "Leases that this worker holds.", numbers(figures.leases)),
-      Counter("lumifold_worker_units_rendered_total", "Units rendered.", number(figures.units_rendered)),
+              number(metrics.connections)),
+      GaugeBy("state", "lumifold_worker_leases", "Leases that this worker holds.", numbers(metrics.leases)),
+      Counter("lumifold_worker_units_rendered_total", "Units rendered.", number(metrics.units_rendered)),
       CounterBy("reason", "lumifold_worker_unit_failures_total",
-                "Units that could not be rendered, or were refused.", numbers(figures.failures)),
-      Counter("lumifold_worker_samples_total", "Camera samples of rendered units.", number(figures.samples)),
-      Counter("lumifold_worker_rays_total", "Rays of rendered units.", number(figures.rays)),
+                "Units that could not be rendered, or were refused.", numbers(metrics.failures)),
+      Counter("lumifold_worker_samples_total", "Camera samples of rendered units.", number(metrics.samples)),
+      Counter("lumifold_worker_rays_total", "Rays of rendered units.", number(metrics.rays)),
       CounterBy("activity", "lumifold_worker_thread_seconds_total", "Time of the render threads.",
-                figures.seconds),
+                metrics.seconds),
       Counter("lumifold_worker_scenes_loaded_total", "Scenes loaded for rendering.",
-              number(figures.scenes_loaded)),
+              number(metrics.scenes_loaded)),
       Counter("lumifold_worker_scene_load_seconds_total", "Time of the threads that loaded scenes.",
-              absl::ToDoubleSeconds(figures.load_time)),
+              absl::ToDoubleSeconds(metrics.load_time)),
       CounterBy("source", "lumifold_worker_assets_total", "Assets that scenes were loaded from.",
-                numbers(figures.assets)),
+                numbers(metrics.assets)),
       Gauge("lumifold_worker_asset_cache_bytes", "Bytes of assets kept in memory.",
-            number(figures.asset_cache_bytes)),
+            number(metrics.asset_cache_bytes)),
       Counter("lumifold_worker_received_bytes_total", "Bytes of assets from coordinators.",
-              number(figures.asset_bytes_received)),
+              number(metrics.asset_bytes_received)),
       Counter("lumifold_worker_sent_bytes_total", "Bytes of units handed to the connection.",
-              number(figures.unit_bytes_sent))};
+              number(metrics.unit_bytes_sent))};
 }
 
 }  // namespace
 
-std::shared_ptr<prometheus::Collectable> MakeWorkerMetrics(std::function<WorkerFigures()> figures) {
-  return MakeSource([figures = std::move(figures)] { return FamiliesOf(figures()); });
+std::shared_ptr<prometheus::Collectable> MakeWorkerMetrics(std::function<WorkerMetrics()> metrics) {
+  return MakeSource([metrics = std::move(metrics)] { return FamiliesOf(metrics()); });
 }
 
 }  // namespace lumifold::monitoring

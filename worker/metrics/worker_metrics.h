@@ -15,7 +15,7 @@ class Collectable;
 namespace lumifold::monitoring {
 
 /// A worker in numbers. Those of a label have all its values, zero or not.
-struct WorkerFigures {
+struct WorkerMetrics {
   bool is_connected = false;              // a coordinator has admitted it
   std::map<std::string, int64_t> leases;  // that it holds, by state
 
@@ -35,7 +35,7 @@ struct WorkerFigures {
   uint64_t asset_cache_bytes = 0;  // in memory
 };
 
-/// A source of metrics that calls `figures`, from the endpoint's thread, whenever it is asked.
-std::shared_ptr<prometheus::Collectable> MakeWorkerMetrics(std::function<WorkerFigures()> figures);
+/// A source of metrics that calls `metrics`, from the endpoint's thread, whenever it is asked.
+std::shared_ptr<prometheus::Collectable> MakeWorkerMetrics(std::function<WorkerMetrics()> metrics);
 
 }  // namespace lumifold::monitoring

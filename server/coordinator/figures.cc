@@ -51,7 +51,8 @@ monitoring::FarmFigures FiguresOf(const Resources& resources, FarmState* state) 
   figures.workers = counts.workers;
   figures.blocked_names = static_cast<int64_t>(farm->scheduler.Blocked().size());
   for (const auto& [job, active] : farm->jobs.active())
-    ++figures.jobs[StateOfActiveJob(active.record, farm->scheduler.Progress(job))];
+    ++figures.jobs[StateOfActiveJob(active.record, farm->scheduler.Progress(job),
+                                    farm->dependencies.IsWaiting(job))];
   return figures;
 }
 

@@ -29,10 +29,11 @@ std::string TextOf(const std::vector<JobId>& waits_for) {
 /// Adds why frames of the job that are rendered have no result yet.
 void ExplainFinishing(const FrameQueue& frames, const JobId& job, absl::Time now,
                       v1::ExplainJobResponse* response) {
-  int64_t position = 0;
+  int64_t due = 0;
   bool is_first = true;
   for (const DueFrame& frame : frames.waiting()) {
-    if (frame.not_before <= now) ++position;
+    const int64_t due_before = due;
+    if (frame.not_before <= now) ++due;
     if (frame.job != job) continue;
     if (frame.not_before > now && frame.failures > 0) {
       AddReason(
@@ -43,7 +44,7 @@ void ExplainFinishing(const FrameQueue& frames, const JobId& job, absl::Time now
           response);
     } else if (is_first) {
       AddReason("filter_queue",
-                absl::StrCat("frame ", frame.number, " waits for the filter, ", position - 1,
+                absl::StrCat("frame ", frame.number, " waits for the filter, ", due_before,
                              " frames of this and other jobs before it"),
                 response);
       is_first = false;

@@ -78,7 +78,7 @@ void Farm::EndJob(const JobId& job, v1::JobState state, const std::string& cause
   EndingJob ending{.record = std::move(active->record), .shown = {}, .cancels = {}};
   if (scheduler.jobs().Has(job)) {
     const scheduler::JobProgress progress = scheduler.jobs().Progress(job);
-    ending.shown = StatusOfActiveJob(ending.record, progress);
+    ending.shown = StatusOfActiveJob(ending.record, progress, dependencies.IsWaiting(job));
     // All frames may be finished, but the job is done when that is recorded.
     if (job::HasEnded(ending.shown.state())) ending.shown.set_state(v1::JOB_STATE_FILTERING);
     ending.record.done.units = progress.units_done;
@@ -163,8 +163,8 @@ void Farm::OnAssetFound(const std::string& sha256) {
 
 std::optional<v1::JobStatus> Farm::StatusOf(const JobId& job) const {
   if (const ActiveJob* const active = jobs.FindActive(job); active != nullptr) {
-    v1::JobStatus status = StatusOfActiveJob(active->record, scheduler.jobs().Progress(job));
-    if (dependencies.IsWaiting(job)) status.set_state(v1::JOB_STATE_SUBMITTED);
+    v1::JobStatus status =
+        StatusOfActiveJob(active->record, scheduler.jobs().Progress(job), dependencies.IsWaiting(job));
     status.set_coordinator(address);
     if (active->predicted_error.has_value() && !status.has_estimated_error())
       status.set_estimated_error(*active->predicted_error);
@@ -233,6 +233,7 @@ void Farm::CountCommitted(const AcceptedUnit& unit) {
     if (ending == nullptr) return;
     ++ending->record.done.units;
     ending->record.done.samples += unit.samples;
+    ending->record.done.bad_samples += unit.stored.stats.bad_samples();
     return;
   }
   ledger::JobRecord& record = active->record;

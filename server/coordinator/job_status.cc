@@ -74,16 +74,19 @@ v1::JobStatus StatusOfRecord(const ledger::JobRecord& record) {
   return status;
 }
 
-v1::JobState StateOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress) {
+v1::JobState StateOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress,
+                              bool waits) {
+  if (waits) return v1::JOB_STATE_SUBMITTED;
   // The scheduler also pauses jobs that wait for an asset.
   if (progress.state != v1::JOB_STATE_PAUSED || record.scheduling.paused()) return progress.state;
   if (progress.units_done > 0) return v1::JOB_STATE_RUNNING;
   return job::NeedsPlan(record.spec) ? v1::JOB_STATE_SUBMITTED : v1::JOB_STATE_PLANNED;
 }
 
-v1::JobStatus StatusOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress) {
+v1::JobStatus StatusOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress,
+                                bool waits) {
   v1::JobStatus status = StatusOfEndedJob(record);
-  status.set_state(StateOfActiveJob(record, progress));
+  status.set_state(StateOfActiveJob(record, progress, waits));
   status.set_units_done(progress.units_done);
   status.set_units_total(progress.units_total);
   status.set_frames_done(progress.frames_done);

@@ -15,11 +15,13 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record);
 /// as that goes.
 v1::JobStatus StatusOfRecord(const ledger::JobRecord& record);
 
-/// State of an active job as clients see it.
-v1::JobState StateOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress);
+/// State of an active job as clients see it. `waits`: for other jobs.
+v1::JobState StateOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress,
+                              bool waits);
 
 /// Status of an active job, from the scheduler and, for the other fields, from its row in the ledger.
-v1::JobStatus StatusOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress);
+v1::JobStatus StatusOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress,
+                                bool waits);
 
 /// Adds a warning of a unit to those of its job: each line once, at most job::kMaxJobWarnings; others are
 /// counted.

@@ -51,7 +51,8 @@ monitoring::FarmMetrics MetricsOf(const Resources& resources, FarmState* state) 
   metrics.workers = counts.workers;
   metrics.blocked_names = static_cast<int64_t>(farm->scheduler.workers().Blocked().size());
   for (const auto& [job, active] : farm->jobs.active())
-    ++metrics.jobs[StateOfActiveJob(active.record, farm->scheduler.jobs().Progress(job))];
+    ++metrics.jobs[StateOfActiveJob(active.record, farm->scheduler.jobs().Progress(job),
+                                    farm->dependencies.IsWaiting(job))];
   return metrics;
 }
 

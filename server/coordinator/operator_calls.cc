@@ -13,7 +13,6 @@
 #include "proto/logging/fields.h"
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
-#include "server/coordinator/job_status.h"
 #include "server/coordinator/list_limit.h"
 #include "server/job/scheduling.h"
 #include "server/storage/manifest.h"
@@ -129,7 +128,7 @@ absl::StatusOr<v1::JobStatus> OperatorCalls::ChangeScheduling(
     ActiveJob* const active = farm->jobs.FindActive(job);
     if (scheduling.has_value() && recorded.ok() && active != nullptr) {
       Reschedule(&*farm, active, *scheduling);
-      return StatusOfActiveJob(active->record, farm->scheduler.jobs().Progress(job));
+      return *farm->StatusOf(job);
     }
   }
   const absl::StatusOr<v1::JobStatus> status = queries_->StatusOf(job);

@@ -55,6 +55,16 @@ class PolicyTest : public testing::Test {
   History history_;
 };
 
+TEST(AutoscaleBackoff, DoublesItsPausesFromTheFirstToTheLongest) {
+  const Tuning tuning = {.pauses = {.first = absl::Seconds(3), .longest = absl::Seconds(20)}};
+  Backoff backoff;
+  EXPECT_EQ(backoff.NextTry(tuning), absl::InfinitePast());
+  for (const int seconds : {3, 6, 12, 20, 20}) {
+    backoff.Fail(kStart, "full");
+    EXPECT_EQ(backoff.NextTry(tuning), kStart + absl::Seconds(seconds));
+  }
+}
+
 TEST_F(PolicyTest, StartsNothingForAnEmptyQueueAndTheMinimumAlways) {
   EXPECT_EQ(Step().start, 0);
   limits_.minimum = 2;

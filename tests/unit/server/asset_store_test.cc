@@ -10,6 +10,7 @@
 #include <set>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "proto/rpc/checksum.h"
@@ -278,6 +279,61 @@ TEST_F(AssetStoreTest, AssetsThatNobodyUsesAreRemovedAndTheOthersStay) {
   for (const char* content : {"used", "referenced", "new"}) EXPECT_TRUE(store_.Has(rpc::Sha256Hex(content)));
   EXPECT_TRUE(std::filesystem::exists(folder_.PathOf("assets/of somebody else")));
   EXPECT_FALSE(std::filesystem::exists(folder_.PathOf("assets/" + rpc::Sha256Hex("unused") + ".damaged")));
+}
+
+TEST_F(AssetStoreTest, PatienceIsADayWithUploadsAndAWeekWithAssetsThatNoJobUses) {
+  const auto now = std::filesystem::file_time_type::clock::now();
+  const auto put = [&](const std::string& path, const std::string& content, std::chrono::minutes age) {
+    std::ofstream(folder_.PathOf(path), std::ios::binary) << content;
+    std::filesystem::last_write_time(folder_.PathOf(path), now - age);
+  };
+  const auto is_there = [&](const std::string& path) {
+    return std::filesystem::exists(folder_.PathOf(path));
+  };
+  const std::string waits = "assets/" + rpc::Sha256Hex("waits");
+  const std::string forgotten = "assets/" + rpc::Sha256Hex("forgotten");
+  constexpr std::chrono::hours kWeek(7 * 24);
+  constexpr std::chrono::hours kDay(24);
+  constexpr std::chrono::minutes kSlack(10);
+  put(waits, "waits", kWeek - kSlack);
+  put(waits + ".damaged", "", kWeek - kSlack);
+  put(forgotten, "forgotten", kWeek + kSlack);
+  put(forgotten + ".damaged", "", kWeek + kSlack);
+  EXPECT_TRUE(
+      store_.RemoveUnused([] { return absl::StatusOr<std::set<std::string>>(std::set<std::string>()); })
+          .ok());
+  for (const char* suffix : {"", ".damaged"}) {
+    EXPECT_TRUE(is_there(waits + suffix)) << suffix;
+    EXPECT_FALSE(is_there(forgotten + suffix)) << suffix;
+  }
+  const std::string broken = "incoming/" + rpc::Sha256Hex("broken") + ".kept";
+  const std::string old = "incoming/" + rpc::Sha256Hex("old") + ".kept";
+  put(broken, "b", kDay - kSlack);
+  put(old, "o", kDay + kSlack);
+  store_.RemoveOldUploads();
+  EXPECT_TRUE(is_there(broken));
+  EXPECT_FALSE(is_there(old));
+  // Of uploads of other coordinators, those that were written in the last minutes run.
+  const std::string running = "incoming/" + rpc::Sha256Hex("runs");
+  const std::string ended = "incoming/" + rpc::Sha256Hex("ended");
+  put(running + ".other0", "r", std::chrono::minutes(9));
+  put(ended + ".other1", "e", std::chrono::minutes(11));
+  AssetStore second(folder_.PathOf("assets"), folder_.PathOf("incoming"), nullptr, PrivateFileSystem(),
+                    {.uploader = "second"});
+  EXPECT_TRUE(is_there(running + ".other0"));
+  EXPECT_TRUE(is_there(ended + ".kept"));
+}
+
+TEST_F(AssetStoreTest, AUseIsRecordedOnceAnHour) {
+  const std::string path = folder_.PathOf("assets/" + rpc::Sha256Hex("oak"));
+  std::ofstream(path, std::ios::binary) << "oak";
+  const auto now = std::filesystem::file_time_type::clock::now();
+  for (const auto& [age, is_recorded] :
+       {std::pair{std::chrono::minutes(55), false}, {std::chrono::minutes(65), true}}) {
+    std::filesystem::last_write_time(path, now - age);
+    EXPECT_TRUE(store_.Has(rpc::Sha256Hex("oak")));
+    EXPECT_EQ(std::filesystem::last_write_time(path) > now - std::chrono::minutes(5), is_recorded);
+  }
 }
 
 TEST_F(AssetStoreTest, NoNameLeadsOutOfTheFolder) {

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "server/child/child_task.h"
+#include "server/finish/estimate_round.h"
 #include "server/finish/frame_finisher.h"
 #include "tests/unit/server/committed_frame_fixture.h"
 
@@ -74,13 +75,51 @@ TEST_F(ChildProcessFinisherTest, AChildWithoutProgramIsAnErrorAndNoCrash) {
               HasSubstr("/none/such"));
 }
 
+/// A program that answers with its arguments and the store in its environment.
+std::string Echo(const TempFolder& folder) {
+  std::string path = folder.PathOf("child");
+  std::ofstream(path) << "#!/bin/sh\nprintf '13 arguments %s, store %s' \"$*\" \"$LUMIFOLD_STORE\"; exit 1\n";
+  std::filesystem::permissions(path, std::filesystem::perms::owner_all);
+  return path;
+}
+
+TEST_F(ChildProcessFinisherTest, AChildIsToldWhatItIsToDo) {
+  const std::unique_ptr<FrameFinisher> finisher =
+      Child({.program = Echo(temp_), .store = "s", .threads = 3, .memory_limit_bytes = 1 << 20});
+  const RoundToEstimate round = {.job = kJob,
+                                 .epoch = ledger::Epoch(7),
+                                 .frame = 4,
+                                 .round = 2,
+                                 .rendered = absl::Milliseconds(1500),
+                                 .samples = 64};
+  const std::string common = "arguments finish-frame " + folder_.root() + " 3 1048576 j-1 4 ";
+  EXPECT_EQ(finisher->Estimate(round).status().message(), common + "2 1500 64 7 urgent, store s");
+  EXPECT_EQ(finisher->Finish({kJob, ledger::Epoch(7)}, 4).status().message(), common + "-1 0 0 7 , store s");
+}
+
+TEST_F(ChildProcessFinisherTest, AnEstimateGoesByTheTimeThatTheJobHasTaken) {
+  const JobId job("j-2");
+  v1::JobSpec spec = Spec(20, 12);
+  spec.set_samples_per_pixel(400);
+  spec.set_pass_samples(64);
+  spec.mutable_adaptive()->set_time_seconds(60);
+  const job::FrameRounds rounds(spec);
+  Commit(job, spec, /*is_forward=*/true,
+         [&](const job::UnitKey& key) { return key.pass <= 1 && rounds.Has(key); });
+  const absl::StatusOr<v1::FrameReport> report = Child()->Estimate(
+      {.job = job, .epoch = {}, .round = 1, .rendered = absl::Milliseconds(2500), .samples = 20 * 12 * 48});
+  ASSERT_TRUE(report.ok()) << report.status();
+  const absl::StatusOr<job::FrameRounds> estimated = ReadRounds(folder_, job, spec, 0);
+  ASSERT_TRUE(estimated.ok()) << estimated.status();
+  EXPECT_EQ(estimated->estimated(), 2);
+  EXPECT_EQ(estimated->rendered_seconds(), 2.5);
+  ASSERT_EQ(estimated->schedule().size(), 1u);
+  EXPECT_EQ(estimated->schedule()[0], 400) << "48 samples took a twentieth of the time";
+}
+
 TEST_F(ChildProcessFinisherTest, TheNameOfTheStoreIsInTheEnvironmentOfTheChildAndNotInItsArguments) {
-  const std::string program = temp_.PathOf("child");
-  std::ofstream(program)
-      << "#!/bin/sh\nprintf '13 arguments %s, store %s' \"$*\" \"$LUMIFOLD_STORE\"; exit 1\n";
-  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
   const absl::Status status =
-      Child({.program = program, .store = "postgresql://u:secret@h/db"})->Finish(kOwned, 0).status();
+      Child({.program = Echo(temp_), .store = "postgresql://u:secret@h/db"})->Finish(kOwned, 0).status();
   const std::string message(status.message());
   EXPECT_THAT(message, HasSubstr(", store postgresql://u:secret@h/db"));
   EXPECT_EQ(message.substr(0, message.find(", store")).find("secret"), std::string::npos);

@@ -12,6 +12,7 @@
 
 #include "absl/time/clock.h"
 #include "server/film/unit_log.h"
+#include "server/job/frame_rounds.h"
 #include "server/job/tile_grid.h"
 #include "server/ledger/sqlite_job_store.h"
 #include "server/storage/data_folder.h"
@@ -58,10 +59,11 @@ class CommittedFrameFixture : public ::testing::Test {
     for (int64_t i = 0; i < units.count(); ++i) {
       const job::UnitKey key = units.KeyOf(0, is_forward ? i : units.count() - 1 - i);
       if (!has(key)) continue;
-      const film::StoredUnit unit{{id, key},
-                                  job::Attempt(1),
-                                  {},
-                                  RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), 1)};
+      const film::StoredUnit unit{
+          {id, key},
+          job::Attempt(1),
+          {},
+          RandomUnit(key, units.tiles().RectOf(key.tile), SamplesOf(spec, units, key), 1)};
       const film::RecordPlace place = *log->Append(Encoded(unit));
       ledger::UnitRecord& record = commit.units.emplace_back();
       record.unit = unit.unit;
@@ -71,6 +73,13 @@ class CommittedFrameFixture : public ::testing::Test {
       record.length = place.length;
     }
     EXPECT_TRUE(store_->CommitUnits({commit})->front().ok());
+  }
+
+  /// With adaptive sampling: in the rounds before the first estimate, which the whole tile has.
+  static SampleRange SamplesOf(const v1::JobSpec& spec, const job::FrameUnits& units,
+                               const job::UnitKey& key) {
+    if (!spec.has_adaptive() || key.kind != v1::UNIT_KIND_PASS) return units.SamplesOf(key);
+    return job::FrameRounds(spec).SamplesOf(key).At(0, 0);
   }
 
   /// The bytes of frame 0's result; empty if there is none.

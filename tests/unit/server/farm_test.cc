@@ -261,6 +261,89 @@ TEST_F(FarmTest, SaysEachCauseThatHoldsAJobUp) {
   EXPECT_GT(farm_.LeasesWanted(job), 0);
 }
 
+TEST_F(FarmTest, SaysHowManyFramesAreFinishedBeforeThoseOfAJob) {
+  const JobId job = Start("j-1");
+  const auto queue = [&](const std::string& id, int32_t number, absl::Duration until_due, int failures) {
+    farm_.frames.Push(
+        {.job = JobId(id), .number = number, .failures = failures, .not_before = now_ + until_due});
+  };
+  const auto reasons = [&] {
+    v1::ExplainJobResponse response;
+    ExplainWaiting(farm_, job, now_, &response);
+    std::vector<std::string> found;
+    for (const v1::Reason& reason : response.reasons()) {
+      if (reason.code().starts_with("filter")) found.push_back(reason.code() + ": " + reason.text());
+    }
+    return found;
+  };
+  EXPECT_THAT(reasons(), IsEmpty());
+  queue("j-9", 7, absl::Seconds(9), 0);  // it waits for the storage, and nobody for it
+  queue("j-1", 1, absl::Seconds(5), 0);
+  EXPECT_THAT(reasons(), ElementsAre("filter_queue: frame 1 waits for the filter, 0 frames of this and other "
+                                     "jobs before it"));
+  farm_.frames.ForgetJob(job);
+  queue("j-9", 8, absl::ZeroDuration(), 0);
+  queue("j-1", 3, absl::Milliseconds(2500), 2);
+  queue("j-1", 2, absl::ZeroDuration(), 2);
+  queue("j-1", 4, absl::ZeroDuration(), 0);
+  EXPECT_THAT(
+      reasons(),
+      ElementsAre("filter_retry: the filter of frame 3 failed 2 times and is tried again in 3 s",
+                  "filter_queue: frame 2 waits for the filter, 1 frames of this and other jobs before it"));
+}
+
+TEST_F(FarmTest, CountsWhatACommittedUnitAddsToItsJobAlsoWhileThatEnds) {
+  const JobId job = Start("j-1");
+  const job::WorkerId worker = Connect("worker", 3);
+  const auto commit = [&](size_t lease, int64_t number) {
+    const v1::Lease& granted = sinks_["worker"].leases[lease];
+    AcceptedUnit unit;
+    unit.worker = worker;
+    unit.samples = 10 * number;
+    unit.record_bytes = static_cast<uint64_t>(100 * number);
+    unit.stored.unit = job::UnitFromProto(granted.unit());
+    unit.stored.stats.set_bad_samples(number);
+    unit.stored.stats.add_warnings("no light");
+    if (farm_.scheduler.jobs().Has(job)) {
+      EXPECT_EQ(farm_.scheduler.units().Complete(worker, unit.stored.unit, job::Attempt(granted.attempt()),
+                                                 now_, ""),
+                scheduler::Completion::kAccepted);
+    }
+    farm_.CountCommitted(unit);
+    return unit.stored.unit;
+  };
+  ASSERT_EQ(Leases(job), 3);
+  now_ += absl::Seconds(7);
+  const job::UnitRef first = commit(0, 1);
+  now_ += absl::Seconds(2);
+  commit(1, 2);
+  EXPECT_EQ(farm_.totals.units_committed, 2);
+  EXPECT_EQ(farm_.totals.samples_committed, 30);
+  const ActiveJob& active = *farm_.jobs.FindActive(job);
+  EXPECT_EQ(active.unit_bytes.units, 2);
+  EXPECT_EQ(active.unit_bytes.bytes, 300u);
+  v1::JobStatus status = *farm_.StatusOf(job);
+  EXPECT_EQ(status.units_done(), 2);
+  EXPECT_EQ(status.bad_samples(), 3);
+  EXPECT_EQ(status.times().render_seconds(), 9);
+  EXPECT_THAT(status.warnings(), SizeIs(1));
+  ledger::UnitRecord lost;
+  lost.unit = first;
+  lost.bad_samples = 1;
+  farm_.RevokeUnits(job, {lost});
+  status = *farm_.StatusOf(job);
+  EXPECT_EQ(status.units_done(), 1);
+  EXPECT_EQ(status.bad_samples(), 2);
+  farm_.EndJob(job, v1::JOB_STATE_CANCELLED, "");
+  const int64_t samples = farm_.jobs.FindEnding(job)->record.done.samples;
+  commit(2, 3);
+  EXPECT_EQ(farm_.totals.units_committed, 3);
+  const ledger::JobRecord& ended = farm_.jobs.FindEnding(job)->record;
+  EXPECT_EQ(ended.done.units, 2);
+  EXPECT_EQ(ended.done.samples, samples + 30);
+  EXPECT_EQ(ended.done.bad_samples, 5);
+}
+
 TEST_F(FarmTest, TheEndOfAJobLeavesNothingOfItBehind) {
   const JobId job = Start("j-1");
   Connect("worker", 2);

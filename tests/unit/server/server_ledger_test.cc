@@ -87,9 +87,34 @@ TEST_F(ServerLedgerTest, JobsAreListedInPagesByStateAndUser) {
   EXPECT_THAT(Ids(List(active).second), IsEmpty());
   active.add_states(v1::JOB_STATE_CANCELLED);
   EXPECT_THAT(Ids(List(active).second), ElementsAre(jobs[2]));
+  // A page of the ledger may hold fewer jobs in a state than the limit: it is read on until there are as many,
+  // and no more.
+  jobs.push_back(*Submit(Spec(), "request-5"));
+  for (const size_t i : {0u, 5u}) {
+    v1::PauseJobRequest pause;
+    pause.set_job_id(jobs[i]);
+    grpc::ClientContext pausing;
+    v1::JobStatus status;
+    ASSERT_TRUE(v1::FarmService::NewStub(Channel())->PauseJob(&pausing, pause, &status).ok());
+  }
+  active.Clear();
+  active.add_states(v1::JOB_STATE_PLANNED);
+  active.set_limit(2);
+  const v1::ListJobsResponse planned = List(active).second;
+  EXPECT_THAT(Ids(planned), ElementsAre(jobs[4], jobs[3]));
+  active.set_page_token(planned.next_page_token());
+  EXPECT_THAT(Ids(List(active).second), ElementsAre(jobs[1]));
+  active.clear_page_token();
+  active.set_states(0, v1::JOB_STATE_PAUSED);
+  EXPECT_THAT(Ids(List(active).second), ElementsAre(jobs[5], jobs[0]));
+  active.set_limit(1);
+  const v1::ListJobsResponse paused = List(active).second;
+  EXPECT_THAT(Ids(paused), ElementsAre(jobs[5]));
+  active.set_page_token(paused.next_page_token());
+  EXPECT_THAT(Ids(List(active).second), ElementsAre(jobs[0]));
   active.Clear();
   active.set_user("anonymous");
-  EXPECT_THAT(Ids(List(active).second), SizeIs(5));
+  EXPECT_THAT(Ids(List(active).second), SizeIs(6));
   active.set_user("somebody");
   EXPECT_THAT(Ids(List(active).second), IsEmpty());
 

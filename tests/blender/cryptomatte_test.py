@@ -25,18 +25,12 @@ class CryptomatteTest(unittest.TestCase):
         farm.run("lumifold", "render", scene, "--size", "96x72", "--spp", "2", "--cryptomatte", "-o",
                  self.path)
         self.picture = exr.read(self.path)
-<<<<<<< HEAD
-        metadata = exr_header.metadata_of(self.path)
+        metadata = exr.metadata_of(self.path)
         self.manifests = {
             text: json.loads(metadata[name.replace("/name", "/manifest")])
             for name, text in metadata.items()
             if name.startswith("cryptomatte/") and name.endswith("/name")
         }
-=======
-        metadata = exr.metadata_of(self.path)
-        self.manifests = {text: json.loads(metadata[name.replace("/name", "/manifest")]) for name, text in metadata.items()
-                          if name.startswith("cryptomatte/") and name.endswith("/name")}
->>>>>>> wt-twins
 
     def expected(self, layer, name):
         """The cover of each pixel by a name, by the specification."""

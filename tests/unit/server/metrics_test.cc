@@ -73,7 +73,7 @@ TEST(FarmMetrics, EachFigureHasItsName) {
                            Pair("unit_retries_total{stalled}", 14), Pair("received_bytes_total{units}", 15),
                            Pair("received_bytes_total{assets}", 16), Pair("sent_bytes_total{results}", 17),
                            Pair("sent_bytes_total{assets}", 18), Pair("storage_writable", 0),
-                           Pair("storage.free_bytes", 19), Pair("storage.room_bytes", 20)));
+                           Pair("disk_free_bytes", 19), Pair("disk_room_bytes", 20)));
   metrics.storage.writable = true;
   EXPECT_EQ(SamplesOf(*monitoring::MakeFarmMetrics([&] { return metrics; }))["storage_writable"], 1);
 }

@@ -8,6 +8,7 @@
 #include <array>
 #include <ctime>
 
+#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "proto/identity/openssl.h"
 #include "proto/identity/secrets.h"

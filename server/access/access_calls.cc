@@ -8,6 +8,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/synchronization/mutex.h"
 #include "proto/identity/secrets.h"
 #include "proto/logging/fields.h"
 #include "server/access/access_control.h"

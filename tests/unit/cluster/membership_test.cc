@@ -1,12 +1,13 @@
 #include "server/cluster/membership.h"
 
-#include "proto/threads/event.h"
-
 #include <gtest/gtest.h>
 #include <spdlog/logger.h>
 
 #include <string>
 #include <vector>
+
+#include "absl/synchronization/mutex.h"
+#include "proto/threads/event.h"
 
 namespace lumifold::cluster {
 namespace {

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/synchronization/mutex.h"
 #include "server/ledger/job_store.h"
 
 namespace lumifold::server {

@@ -189,7 +189,8 @@ TEST(TextureSampler, WrapsBothAxesOnBothSidesByTheirOwnModes) {
       scene.textures[0].wrap_t = wrap_t;
       for (size_t i = 0; i + 1 < columns.size(); ++i) {
         const size_t j = (3 * i) % (rows.size() - 1);
-        const auto texel = [&](size_t column, size_t row) {
+        // clang before 16 captures structured bindings only so.
+        const auto texel = [&columns = columns, &rows = rows](size_t column, size_t row) {
           return static_cast<float>(10 * columns[column] + 70 * rows[row]);
         };
         const float x = static_cast<float>(i) + kFirst;

@@ -83,7 +83,7 @@ TEST_F(CoordinatorsTest, ConnectsToThoseItNeedsOnce) {
 TEST_F(CoordinatorsTest, SpreadsOverTheListByItsRandomNumber) {
   for (const auto& [random, first] :
        {std::pair{0.0, "a:1"}, std::pair{0.34, "b:1"}, std::pair{0.67, "c:1"}, std::pair{0.999, "c:1"}}) {
-    test_.environment.time.jitter = [random] { return random; };
+    test_.environment.time.jitter = [random = random] { return random; };
     Coordinators coordinators = Make({"a:1", "b:1", "c:1"});
     EXPECT_EQ(Call(coordinators), absl::OkStatus());
     EXPECT_THAT(called_, ElementsAre(first));

@@ -15,16 +15,11 @@
 #include <thread>
 #include <utility>
 
-#include "absl/base/thread_annotations.h"
-#include "absl/functional/function_ref.h"
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
-#include "absl/synchronization/mutex.h"
-#include "lumifold/v1/access.grpc.pb.h"
-#include "lumifold/v1/farm.grpc.pb.h"
-#include "lumifold/v1/worker.grpc.pb.h"
+#include "lumifold/v1/farm.pb.h"
 #include "proto/identity/secrets.h"
 #include "proto/logging/fields.h"
 #include "proto/logging/job_labels.h"
@@ -58,6 +53,7 @@
 #include "server/services/access_service.h"
 #include "server/services/call_gate.h"
 #include "server/services/farm_service.h"
+#include "server/services/service_health.h"
 #include "server/services/worker_service.h"
 #include "server/storage/folder_contents.h"
 #include "server/storage/reserve_file.h"
@@ -100,15 +96,6 @@ class ServerImpl final : public Server {
   void Shutdown() override;
 
  private:
-  struct Health {
-    grpc::HealthCheckServiceInterface* service = nullptr;  // null until the server listens
-    bool has_storage = true;
-    bool stops = false;
-  };
-  struct GuardedHealth {
-    absl::Mutex mutex;
-    Health state ABSL_GUARDED_BY(mutex);
-  };
   /// What lines of the log say of jobs, and where they are kept for GetLog.
   struct OwnLog {
     EventLog events;
@@ -194,10 +181,9 @@ class ServerImpl final : public Server {
                : "audit.log";
   }
   /// Changes what the health service says of all services.
-  void ChangeHealth(absl::FunctionRef<void(Health*)> change);
 
   // In order of construction: each uses members above it.
-  GuardedHealth health_;
+  ServiceHealth health_;
   OwnLog log_;
   const ServerOptions options_;
   const DataFolder folder_;
@@ -290,8 +276,7 @@ absl::Status ServerImpl::OpenCoordinator() {
        .storage = storage,
        .limits = options_.limits.jobs,
        .retention = options_.data.retention,
-       .notify = {.on_storage_change =
-                      [this](bool ok) { ChangeHealth([ok](Health* health) { health->has_storage = ok; }); },
+       .notify = {.on_storage_change = [this](bool is_writable) { health_.SetStorage(is_writable); },
                   .on_expelled = options_.farm.on_expelled},
        .job_log = {.labels = log_.labels, .events = &log_.events},
        .asset_checks = assets_.checks.get(),
@@ -545,7 +530,7 @@ absl::Status ServerImpl::Listen() {
   if (IsMember()) {  // before anyone can submit a job: it would have an owner that is no member
     if (absl::Status status = JoinFarm(); !status.ok()) return status;
   }
-  ChangeHealth([this](Health* health) { health->service = calls_.server->GetHealthCheckService(); });
+  health_.Begin(calls_.server->GetHealthCheckService());
   if (!options_.listen.empty()) {
     calls_.stall_thread = std::thread([this] {
       while (!calls_.stop.WaitFor(kStallInterval)) calls_.gate->EndStalledStreams();
@@ -573,17 +558,8 @@ std::shared_ptr<grpc::Channel> ServerImpl::InProcessChannel() {
   return calls_.server->InProcessChannel(arguments);
 }
 
-void ServerImpl::ChangeHealth(absl::FunctionRef<void(Health*)> change) {
-  absl::MutexLock lock(&health_.mutex);
-  change(&health_.state);
-  if (health_.state.service == nullptr) return;
-  for (const char* service : {"", v1::AccessService::service_full_name(),
-                              v1::FarmService::service_full_name(), v1::WorkerService::service_full_name()})
-    health_.state.service->SetServingStatus(service, health_.state.has_storage && !health_.state.stops);
-}
-
 void ServerImpl::Shutdown() {
-  ChangeHealth([](Health* health) { health->stops = true; });
+  health_.Stop();
   if (member_.membership != nullptr) member_.membership->Stop();
   if (page_ != nullptr) page_->Stop();
   if (coordinator_ != nullptr) coordinator_->StopLeasing();

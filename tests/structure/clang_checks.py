@@ -6,7 +6,9 @@
     clang_checks.py headers BUILD_FOLDER [--all]     each header compiles by itself; without --all only those
                                                      changed since LUMIFOLD_TIDY_BASE (default: the last
                                                      commit)
-    clang_checks.py threads BUILD_FOLDER             -Wthread-safety finds nothing in files that hold a mutex
+    clang_checks.py threads BUILD_FOLDER [--all]     -Wthread-safety finds nothing in files that hold a mutex;
+                                                     without --all, and where Git says what
+                                                     changed, only in those that the changes reach
     clang_checks.py warnings BUILD_FOLDER            everything compiles without warnings of clang
 
 Compiles on all cores. Ends with 0 where all is well, 1 where not, 77 where there is no clang++, or
@@ -25,6 +27,7 @@ import sys
 
 MUTEX = re.compile(r"absl/synchronization/mutex\.h|ABSL_GUARDED_BY|std::mutex|std::shared_mutex")
 
+INCLUDE = re.compile(r'^#include "(.*)"$', re.MULTILINE)
 INCLUDED = re.compile(r'^#include "(.*\.cc)"$', re.MULTILINE)
 
 THREAD_SAFETY = ["-Wno-error", "-Wthread-safety", "-Werror=thread-safety"]
@@ -78,10 +81,25 @@ def git(root, *arguments):
     return result.stdout.split() if result.returncode == 0 else None
 
 
+def changed(root, *patterns):
+    """The files that are not as they were in LUMIFOLD_TIDY_BASE; None without a Git that says so."""
+    base = os.environ.get("LUMIFOLD_TIDY_BASE", "HEAD~1")
+    return git(root, "diff", "--name-only", "--diff-filter=d", base, "--", *patterns)
+
+
+def reached(texts, start):
+    """The files of `texts` that are in `start` or include one that is, directly or not."""
+    included = {name: set(INCLUDE.findall(text)) for name, text in texts.items()}
+    found, grown = set(), {*start} & texts.keys()
+    while grown:
+        found |= grown
+        grown = {name for name, those in included.items() if those & grown} - found
+    return found
+
+
 def headers(root, everything):
     if not everything:
-        base = os.environ.get("LUMIFOLD_TIDY_BASE", "HEAD~1")
-        return git(root, "diff", "--name-only", "--diff-filter=d", base, "--", "*.h")
+        return changed(root, "*.h")
     return git(root, "ls-files", "*.h") or [path.relative_to(root).as_posix()
                                             for path in sorted(root.glob("[!b]*/**/*.h"))]
 
@@ -103,7 +121,7 @@ def header_jobs(root, build, everything):
         yield header, ["-fsyntax-only", "-x", "c++", *common, *sum(flags, []), str(root / header)]
 
 
-def thread_jobs(root, build):
+def thread_jobs(root, build, everything):
     """The compilations of sources that hold a mutex or include a header that does: several at a time where
     the build does so, because nearly all of the time goes into the headers of gRPC."""
     texts = {
@@ -113,10 +131,12 @@ def thread_jobs(root, build):
         if path.suffix in (".h", ".cc")
     }
     with_mutex = {name for name, text in texts.items() if MUTEX.search(text)}
+    changes = None if everything else changed(root, "*.h", "*.cc")
+    wanted = texts.keys() if changes is None else reached(texts, changes)
     jobs = {}
     for entry in read_commands(build):
         name = os.path.relpath(entry["file"], root)
-        if name not in texts:
+        if name not in wanted:
             continue
         own_header = name[:-len(".cc")] + ".h"
         if name in with_mutex or any(
@@ -167,11 +187,12 @@ def main():
     if not shutil.which("clang++"):
         print("skipped: no clang++")
         return 77
-    if mode == "headers" and headers(root, "--all" in sys.argv[3:]) is None:
+    everything = "--all" in sys.argv[3:]
+    if mode == "headers" and headers(root, everything) is None:
         print("skipped: Git does not say which headers changed")
         return 77
-    jobs = {"threads": lambda: thread_jobs(root, build), "warnings": lambda: warning_jobs(root, build),
-            "headers": lambda: header_jobs(root, build, "--all" in sys.argv[3:])}[mode]()
+    jobs = {"threads": lambda: thread_jobs(root, build, everything), "warnings": lambda: warning_jobs(root, build),
+            "headers": lambda: header_jobs(root, build, everything)}[mode]()
     return 1 if compile_all(jobs, build) else 0
 
 

@@ -119,6 +119,11 @@ class ClangChecksTest(unittest.TestCase):
         command = "/usr/bin/c++ -I/x -O2 -Winvalid-pch -include /b/cmake_pch.hxx -fpch-preprocess -o a.o -c /x/a.cc"
         self.assertEqual(clang_checks.clang_arguments(command), ["-I/x", "-O2"])
 
+    def test_a_change_reaches_what_includes_it(self):
+        texts = {"a.h": "", "b.h": '#include "a.h"\n', "b.cc": '#include "b.h"\n', "c.cc": "#include <a.h>\n"}
+        self.assertEqual(clang_checks.reached(texts, ["a.h", "gone.h"]), {"a.h", "b.h", "b.cc"})
+        self.assertEqual(clang_checks.reached(texts, []), set())
+
 
 class ProjectTest(unittest.TestCase):
     def test_includes_of_this_project_follow_its_links(self):

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_cat.h"
+#include "tests/unit/scheduler/unit_names.h"
 
 namespace lumifold::scheduler {
 namespace {
@@ -12,10 +13,7 @@ using Outcome = AuditBook::Outcome;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-const absl::Time kNow = absl::FromUnixSeconds(1000);
 constexpr absl::Duration kPatience = absl::Minutes(5);
-constexpr UnitIndex kUnit{7, {0, 4}};
-constexpr UnitIndex kSecond{7, {0, 5}};
 constexpr UnitIndex kOfNextFrame{7, {1, 0}};
 
 class AuditBookTest : public ::testing::Test {
@@ -31,34 +29,34 @@ class AuditBookTest : public ::testing::Test {
 };
 
 TEST_F(AuditBookTest, TwoEqualDigestsSettleAnAudit) {
-  EXPECT_TRUE(book_.Begin(kUnit, "ann", "x", kNow));
+  EXPECT_TRUE(book_.Begin(kFirst, "ann", "x", kNow));
   EXPECT_TRUE(book_.HasReady(7));
-  const AuditBook::Verdict verdict = Vote(kUnit, "ben", "x");
+  const AuditBook::Verdict verdict = Vote(kFirst, "ben", "x");
   EXPECT_EQ(verdict.outcome, Outcome::kSettled);
   EXPECT_THAT(verdict.wrong, IsEmpty());
   EXPECT_TRUE(book_.HasOpen(7, 0)) << "until it is ended";
-  EXPECT_TRUE(book_.End(kUnit));
+  EXPECT_TRUE(book_.End(kFirst));
   EXPECT_FALSE(book_.HasOpen(7, 0));
-  EXPECT_FALSE(book_.End(kUnit));
+  EXPECT_FALSE(book_.End(kFirst));
   EXPECT_EQ(book_.CountsOf(7).settled, 1);
   EXPECT_EQ(book_.CountsOf(7).waived, 0);
 }
 
 TEST_F(AuditBookTest, TheMinorityIsWrongWhoeverVotedFirst) {
-  book_.Begin(kUnit, "ann", "wrong", kNow);
-  EXPECT_EQ(Vote(kUnit, "ben", "right").outcome, Outcome::kOpen);
-  EXPECT_THAT(Vote(kUnit, "cid", "right").wrong, ElementsAre("ann"));
-  book_.End(kUnit);
+  book_.Begin(kFirst, "ann", "wrong", kNow);
+  EXPECT_EQ(Vote(kFirst, "ben", "right").outcome, Outcome::kOpen);
+  EXPECT_THAT(Vote(kFirst, "cid", "right").wrong, ElementsAre("ann"));
+  book_.End(kFirst);
   book_.Begin(kSecond, "ann", "right", kNow);
   Vote(kSecond, "ben", "wrong");
   EXPECT_THAT(Vote(kSecond, "cid", "right").wrong, ElementsAre("ben"));
 }
 
 TEST_F(AuditBookTest, FiveThatDifferLeaveTheAuditUndecided) {
-  book_.Begin(kUnit, "w1", "1", kNow);
+  book_.Begin(kFirst, "w1", "1", kNow);
   for (int i = 2; i <= 4; ++i)
-    EXPECT_EQ(Vote(kUnit, absl::StrCat("w", i), absl::StrCat(i)).outcome, Outcome::kOpen) << i;
-  const AuditBook::Verdict verdict = Vote(kUnit, "w5", "5");
+    EXPECT_EQ(Vote(kFirst, absl::StrCat("w", i), absl::StrCat(i)).outcome, Outcome::kOpen) << i;
+  const AuditBook::Verdict verdict = Vote(kFirst, "w5", "5");
   EXPECT_EQ(verdict.outcome, Outcome::kUndecided);
   EXPECT_THAT(verdict.wrong, IsEmpty());
   EXPECT_FALSE(book_.HasReady(7));
@@ -66,34 +64,34 @@ TEST_F(AuditBookTest, FiveThatDifferLeaveTheAuditUndecided) {
 }
 
 TEST_F(AuditBookTest, AWorkerRendersAUnitOnce) {
-  book_.Begin(kUnit, "ann", "x", kNow);
+  book_.Begin(kFirst, "ann", "x", kNow);
   EXPECT_FALSE(book_.Take(7, "ann").has_value()) << "it delivered the unit";
   EXPECT_FALSE(book_.Take(8, "ben").has_value()) << "of another job";
-  EXPECT_EQ(book_.Take(7, "ben"), kUnit.place);
-  EXPECT_TRUE(book_.IsLeased(kUnit));
+  EXPECT_EQ(book_.Take(7, "ben"), kFirst.place);
+  EXPECT_TRUE(book_.IsLeased(kFirst));
   EXPECT_FALSE(book_.HasReady(7));
   EXPECT_FALSE(book_.Take(7, "cid").has_value()) << "one lease at a time";
-  book_.Decline(kUnit, "ben");
-  EXPECT_TRUE(book_.Return(kUnit));
-  EXPECT_FALSE(book_.IsLeased(kUnit));
+  book_.Decline(kFirst, "ben");
+  EXPECT_TRUE(book_.Return(kFirst));
+  EXPECT_FALSE(book_.IsLeased(kFirst));
   EXPECT_FALSE(book_.Take(7, "ben").has_value()) << "it could not";
-  EXPECT_THAT(book_.AskedOf(kUnit), ElementsAre("ann", "ben"));
-  EXPECT_EQ(book_.Take(7, "cid"), kUnit.place);
+  EXPECT_THAT(book_.AskedOf(kFirst), ElementsAre("ann", "ben"));
+  EXPECT_EQ(book_.Take(7, "cid"), kFirst.place);
 }
 
 TEST_F(AuditBookTest, AnAuditThatIsReturnedIsReadyWithItsVotes) {
-  book_.Begin(kUnit, "ann", "1", kNow);
-  Vote(kUnit, "ben", "2");
+  book_.Begin(kFirst, "ann", "1", kNow);
+  Vote(kFirst, "ben", "2");
   book_.Begin(kSecond, "ann", "x", kNow);
   EXPECT_EQ(book_.Take(7, "cid"), kSecond.place) << "fewer votes";
-  EXPECT_EQ(book_.Take(7, "cid"), kUnit.place);
-  book_.End(kUnit);
-  EXPECT_FALSE(book_.Return(kUnit)) << "it has ended";
+  EXPECT_EQ(book_.Take(7, "cid"), kFirst.place);
+  book_.End(kFirst);
+  EXPECT_FALSE(book_.Return(kFirst)) << "it has ended";
   EXPECT_FALSE(book_.HasReady(7));
 }
 
 TEST_F(AuditBookTest, WithoutADigestAnAuditIsWaived) {
-  EXPECT_FALSE(book_.Begin(kUnit, "ann", "", kNow));
+  EXPECT_FALSE(book_.Begin(kFirst, "ann", "", kNow));
   EXPECT_FALSE(book_.Begin(kSecond, "", "x", kNow));
   EXPECT_EQ(book_.CountsOf(7).waived, 2);
   EXPECT_EQ(book_.CountsOf(7).open, 0);
@@ -101,16 +99,16 @@ TEST_F(AuditBookTest, WithoutADigestAnAuditIsWaived) {
 }
 
 TEST_F(AuditBookTest, AnAuditIsDueAfterThePatienceSinceItsLastVote) {
-  book_.Begin(kUnit, "ann", "1", kNow);
+  book_.Begin(kFirst, "ann", "1", kNow);
   EXPECT_EQ(book_.NextDue(), kNow + kPatience);
   const absl::Time voted = kNow + absl::Minutes(1);
-  Vote(kUnit, "ben", "2", voted);
+  Vote(kFirst, "ben", "2", voted);
   EXPECT_THAT(book_.TakeDue(kNow + kPatience), IsEmpty()) << "there was a vote since";
-  EXPECT_THAT(book_.TakeDue(voted + kPatience), ElementsAre(kUnit));
-  book_.Extend(kUnit, voted + kPatience);
+  EXPECT_THAT(book_.TakeDue(voted + kPatience), ElementsAre(kFirst));
+  book_.Extend(kFirst, voted + kPatience);
   EXPECT_THAT(book_.TakeDue(voted + 2 * kPatience - absl::Nanoseconds(1)), IsEmpty());
-  EXPECT_THAT(book_.TakeDue(voted + 2 * kPatience), ElementsAre(kUnit));
-  book_.Waive(kUnit);
+  EXPECT_THAT(book_.TakeDue(voted + 2 * kPatience), ElementsAre(kFirst));
+  book_.Waive(kFirst);
   EXPECT_EQ(book_.CountsOf(7).waived, 1);
   EXPECT_FALSE(book_.HasOpen(7, 0));
 }
@@ -120,8 +118,8 @@ TEST_F(AuditBookTest, AuditsAreOfAFrameAndEndWithTheJob) {
   EXPECT_FALSE(book_.HasOpen(7, 0));
   EXPECT_TRUE(book_.HasOpen(7, 1));
   EXPECT_FALSE(book_.HasOpen(8, 1));
-  book_.Begin(kUnit, "ann", "x", kNow);
-  EXPECT_EQ(book_.FirstOf(7), kUnit.place);
+  book_.Begin(kFirst, "ann", "x", kNow);
+  EXPECT_EQ(book_.FirstOf(7), kFirst.place);
   EXPECT_EQ(book_.CountsOf(7).open, 2);
   book_.EndJob(7);
   EXPECT_FALSE(book_.HasReady(7));

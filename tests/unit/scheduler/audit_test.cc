@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "server/scheduler/scheduler.h"
+#include "tests/unit/scheduler/scheduler_fixture.h"
 
 namespace lumifold::scheduler {
 namespace {
@@ -19,23 +19,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-const JobId kJob("j-1");
-const WorkerId kAnn(1);
-const WorkerId kBen(2);
 const WorkerId kCat(3);
-const absl::Time kStart = absl::FromUnixSeconds(1'000'000);
-
-v1::JobSpec Spec(int tiles, int frames = 1) {
-  v1::JobSpec spec;
-  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
-  spec.set_width(8 * tiles);
-  spec.set_height(8);
-  spec.set_tile_size(8);
-  spec.set_samples_per_pixel(4);
-  spec.set_pass_samples(4);
-  spec.set_frame_count(frames);
-  return spec;  // 2 units for each tile
-}
 
 class AuditTest : public ::testing::Test {
  protected:
@@ -57,7 +41,7 @@ class AuditTest : public ::testing::Test {
 };
 
 TEST_F(AuditTest, EqualResultsOfTwoWorkersSettleTheAuditAndTheFrame) {
-  scheduler_.jobs().Add(kJob, Spec(2), {.audit_share = 1});
+  scheduler_.jobs().Add(kJob, RowSpec(2), {.audit_share = 1});
   AddWorker(kAnn, 4);
   const auto leases = scheduler_.GrantLeases(now_);
   ASSERT_EQ(leases.size(), 4u);
@@ -84,7 +68,7 @@ TEST_F(AuditTest, TheShareIsChosenByJobAndUnit) {
   std::set<UnitRef> audited[2];
   for (auto& units : audited) {
     Scheduler scheduler({});
-    scheduler.jobs().Add(kJob, Spec(1000), {.audit_share = 0.25});
+    scheduler.jobs().Add(kJob, RowSpec(1000), {.audit_share = 0.25});
     scheduler.workers().Add(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 2000});
     for (const GrantedLease& lease : scheduler.GrantLeases(now_)) {
       scheduler.units().Complete(kAnn, lease.unit, lease.attempt, now_, "same");
@@ -101,7 +85,7 @@ TEST_F(AuditTest, TheShareIsChosenByJobAndUnit) {
 }
 
 TEST_F(AuditTest, AThirdWorkerDecidesAndTheFaultyOneLosesAllItsUnits) {
-  scheduler_.jobs().Add(kJob, Spec(3, /*frames=*/2), {.audit_share = 0.5});
+  scheduler_.jobs().Add(kJob, RowSpec(3, /*frames=*/2), {.audit_share = 0.5});
   AddWorker(kAnn, 12);
   const auto leases = scheduler_.GrantLeases(now_);
   ASSERT_EQ(leases.size(), 12u);
@@ -138,7 +122,7 @@ TEST_F(AuditTest, AThirdWorkerDecidesAndTheFaultyOneLosesAllItsUnits) {
 }
 
 TEST_F(AuditTest, AnAuditorThatIsWrongIsFoundToo) {
-  scheduler_.jobs().Add(kJob, Spec(1), {.audit_share = 1});
+  scheduler_.jobs().Add(kJob, RowSpec(1), {.audit_share = 1});
   AddWorker(kAnn, 2);
   for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
   AddWorker(kBen, 1);
@@ -157,7 +141,7 @@ TEST_F(AuditTest, AnAuditorThatIsWrongIsFoundToo) {
 }
 
 TEST_F(AuditTest, AUnitThatIsBeingCommittedWhenItsWorkerIsFoundFaultyIsReportedAfterwards) {
-  scheduler_.jobs().Add(kJob, Spec(1), {.audit_share = 1});
+  scheduler_.jobs().Add(kJob, RowSpec(1), {.audit_share = 1});
   AddWorker(kAnn, 2);
   const auto leases = scheduler_.GrantLeases(now_);
   Commit(leases[0], "wrong");
@@ -178,8 +162,8 @@ TEST_F(AuditTest, AUnitThatIsBeingCommittedWhenItsWorkerIsFoundFaultyIsReportedA
 }
 
 TEST_F(AuditTest, ARestartBeginsTheAuditsOfUnfinishedFramesAgain) {
-  scheduler_.jobs().Add(kJob, Spec(1), {.numeric_class = "avx2", .audit_share = 1});
-  const job::FrameUnits units(Spec(1));
+  scheduler_.jobs().Add(kJob, RowSpec(1), {.numeric_class = "avx2", .audit_share = 1});
+  const job::FrameUnits units(RowSpec(1));
   for (int64_t number = 0; number < units.count(); ++number) {
     const job::UnitKey key = units.KeyOf(0, number);
     EXPECT_TRUE(
@@ -201,8 +185,8 @@ TEST_F(AuditTest, ARestartBeginsTheAuditsOfUnfinishedFramesAgain) {
 }
 
 TEST_F(AuditTest, ARestoredUnitOfAnUnknownWorkerIsNotAudited) {
-  scheduler_.jobs().Add(kJob, Spec(1), {.audit_share = 1});
-  const job::FrameUnits units(Spec(1));
+  scheduler_.jobs().Add(kJob, RowSpec(1), {.audit_share = 1});
+  const job::FrameUnits units(RowSpec(1));
   for (int64_t number = 0; number < units.count(); ++number)
     EXPECT_TRUE(scheduler_.units().Restore(kJob, {units.KeyOf(0, number)}, now_));
   EXPECT_THAT(scheduler_.frames().Committed(kJob), ElementsAre(0));
@@ -211,8 +195,8 @@ TEST_F(AuditTest, ARestoredUnitOfAnUnknownWorkerIsNotAudited) {
 
 TEST_F(AuditTest, AResultThatIsWrittenOutlivesTheVerdict) {
   const JobId other("j-other");
-  scheduler_.jobs().Add(other, Spec(1));
-  scheduler_.jobs().Add(kJob, Spec(1), {.audit_share = 1});
+  scheduler_.jobs().Add(other, RowSpec(1));
+  scheduler_.jobs().Add(kJob, RowSpec(1), {.audit_share = 1});
   AddWorker(kAnn, 4);
   for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease, "wrong");
   EXPECT_TRUE(scheduler_.frames().IsCommitted(other, 0));
@@ -227,7 +211,7 @@ TEST_F(AuditTest, AResultThatIsWrittenOutlivesTheVerdict) {
 }
 
 TEST_F(AuditTest, AnAuditIsWaivedWhenNoOtherWorkerCanBeFound) {
-  scheduler_.jobs().Add(kJob, Spec(1), {.audit_share = 1});
+  scheduler_.jobs().Add(kJob, RowSpec(1), {.audit_share = 1});
   AddWorker(kAnn, 2);
   for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
   scheduler_.workers().Add(WorkerId(9), {.name = "host-1", .numeric_class = "avx2"});  // the same machine
@@ -241,7 +225,7 @@ TEST_F(AuditTest, AnAuditIsWaivedWhenNoOtherWorkerCanBeFound) {
 }
 
 TEST_F(AuditTest, AnAuditorThatFailsOrLeavesDoesNotEndTheAudit) {
-  scheduler_.jobs().Add(kJob, Spec(1), {.audit_share = 1});
+  scheduler_.jobs().Add(kJob, RowSpec(1), {.audit_share = 1});
   AddWorker(kAnn, 2);
   for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
   AddWorker(kBen, 2);
@@ -260,7 +244,7 @@ TEST_F(AuditTest, AnAuditorThatFailsOrLeavesDoesNotEndTheAudit) {
 }
 
 TEST_F(AuditTest, FiveWorkersOfWhichNoTwoAgreeGetNobodyBlocked) {
-  scheduler_.jobs().Add(kJob, Spec(1), {.audit_share = 1});
+  scheduler_.jobs().Add(kJob, RowSpec(1), {.audit_share = 1});
   AddWorker(kAnn, 2);
   for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
   for (int64_t i = 2; i <= 6; ++i) {

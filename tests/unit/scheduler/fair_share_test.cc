@@ -6,10 +6,10 @@
 #include <map>
 #include <string>
 
+#include "tests/unit/scheduler/scheduler_fixture.h"
+
 namespace lumifold::scheduler {
 namespace {
-
-const absl::Time kStart = absl::FromUnixSeconds(1'000'000);
 
 class FairShareTest : public ::testing::Test {
  protected:

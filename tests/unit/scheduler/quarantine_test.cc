@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_cat.h"
+#include "tests/unit/scheduler/unit_names.h"
 
 namespace lumifold::scheduler {
 namespace {
@@ -12,13 +13,6 @@ using job::WorkerId;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 using ::testing::Pair;
-
-constexpr UnitIndex kUnit{7, {0, 1}};
-constexpr UnitIndex kSecond{7, {0, 2}};
-constexpr UnitIndex kOfOther{8, {0, 0}};
-const WorkerId kAnn(1);
-const WorkerId kBen(2);
-const Requirement kAvx2{"avx2", {}};
 
 class QuarantineTest : public ::testing::Test {
  protected:
@@ -39,14 +33,14 @@ class QuarantineTest : public ::testing::Test {
 };
 
 TEST_F(QuarantineTest, AUnitIsSuspectFromTheThirdWorkerOrTheSixthLossOn) {
-  quarantine_.AddLoss(kUnit, "x");
-  quarantine_.AddLoss(kUnit, "y");
+  quarantine_.AddLoss(kFirst, "x");
+  quarantine_.AddLoss(kFirst, "y");
   quarantine_.AddLoss(kSecond, "z");
-  EXPECT_FALSE(quarantine_.IsSuspect(kUnit));
-  for (int i = 0; i < 3; ++i) quarantine_.AddLoss(kUnit, "y");
-  EXPECT_FALSE(quarantine_.IsSuspect(kUnit)) << "five losses of two workers";
-  quarantine_.AddLoss(kUnit, "x");
-  EXPECT_TRUE(quarantine_.IsSuspect(kUnit));
+  EXPECT_FALSE(quarantine_.IsSuspect(kFirst));
+  for (int i = 0; i < 3; ++i) quarantine_.AddLoss(kFirst, "y");
+  EXPECT_FALSE(quarantine_.IsSuspect(kFirst)) << "five losses of two workers";
+  quarantine_.AddLoss(kFirst, "x");
+  EXPECT_TRUE(quarantine_.IsSuspect(kFirst));
   EXPECT_FALSE(quarantine_.IsSuspect(kSecond));
   quarantine_.AddLoss(kSecond, "x");
   quarantine_.AddLoss(kSecond, "y");
@@ -54,20 +48,20 @@ TEST_F(QuarantineTest, AUnitIsSuspectFromTheThirdWorkerOrTheSixthLossOn) {
 }
 
 TEST_F(QuarantineTest, AnAcceptedUnitIsNoSuspectAnyMore) {
-  MakeSuspect(kUnit);
-  quarantine_.Enter(kUnit);
-  quarantine_.Forget(kUnit);
-  EXPECT_FALSE(quarantine_.IsSuspect(kUnit));
+  MakeSuspect(kFirst);
+  quarantine_.Enter(kFirst);
+  quarantine_.Forget(kFirst);
+  EXPECT_FALSE(quarantine_.IsSuspect(kFirst));
   EXPECT_THAT(quarantine_.waiting(), IsEmpty());
-  quarantine_.AddLoss(kUnit, "x");
-  EXPECT_FALSE(quarantine_.IsSuspect(kUnit)) << "losses are counted from the beginning";
+  quarantine_.AddLoss(kFirst, "x");
+  EXPECT_FALSE(quarantine_.IsSuspect(kFirst)) << "losses are counted from the beginning";
 }
 
 TEST_F(QuarantineTest, TheUnitIsReadyWhenItsWorkerHasNothingElse) {
   workers_.TakeSlot(kAnn);
   workers_.TakeSlot(kBen);
-  MakeSuspect(kUnit);
-  quarantine_.Enter(kUnit);
+  MakeSuspect(kFirst);
+  quarantine_.Enter(kFirst);
   Reserve();
   EXPECT_THAT(quarantine_.waiting(), IsEmpty());
   EXPECT_FALSE(workers_.IsFree(kAnn)) << "it gets no other leases";
@@ -76,7 +70,7 @@ TEST_F(QuarantineTest, TheUnitIsReadyWhenItsWorkerHasNothingElse) {
   workers_.ReleaseSlot(kAnn);
   quarantine_.EndIfIdle(kAnn);
   EXPECT_FALSE(workers_.IsFree(kAnn)) << "its unit is not leased yet";
-  EXPECT_THAT(quarantine_.TakeReady(), ElementsAre(Pair(kAnn, kUnit)));
+  EXPECT_THAT(quarantine_.TakeReady(), ElementsAre(Pair(kAnn, kFirst)));
   EXPECT_THAT(quarantine_.TakeReady(), IsEmpty()) << "once";
   workers_.TakeSlot(kAnn);
   quarantine_.EndIfIdle(kAnn);
@@ -87,10 +81,10 @@ TEST_F(QuarantineTest, TheUnitIsReadyWhenItsWorkerHasNothingElse) {
 }
 
 TEST_F(QuarantineTest, AWorkerThatWasNotLostWithTheUnitComesFirstThenAnIdleOne) {
-  MakeSuspect(kUnit);
-  quarantine_.AddLoss(kUnit, "ann");
+  MakeSuspect(kFirst);
+  quarantine_.AddLoss(kFirst, "ann");
   workers_.TakeSlot(kBen);
-  quarantine_.Enter(kUnit);
+  quarantine_.Enter(kFirst);
   Reserve();
   EXPECT_FALSE(workers_.IsFree(kBen)) << "busy, but not lost with the unit";
   EXPECT_TRUE(workers_.IsFree(kAnn));
@@ -103,12 +97,12 @@ TEST_F(QuarantineTest, AWorkerThatWasNotLostWithTheUnitComesFirstThenAnIdleOne) 
 }
 
 TEST_F(QuarantineTest, NoWorkerIsReservedForAPausedJobOrOneThatItMayNotRender) {
-  MakeSuspect(kUnit);
-  quarantine_.Enter(kUnit);
+  MakeSuspect(kFirst);
+  quarantine_.Enter(kFirst);
   Reserve(nullptr);
   const Requirement sse2{"sse2", {}};
   Reserve(&sse2);
-  EXPECT_THAT(quarantine_.waiting(), ElementsAre(kUnit));
+  EXPECT_THAT(quarantine_.waiting(), ElementsAre(kFirst));
   EXPECT_TRUE(workers_.IsFree(kAnn));
   EXPECT_TRUE(workers_.IsFree(kBen));
 }
@@ -116,26 +110,26 @@ TEST_F(QuarantineTest, NoWorkerIsReservedForAPausedJobOrOneThatItMayNotRender) {
 TEST_F(QuarantineTest, TheLastWorkerIsNotReservedWhileItCoolsDown) {
   workers_.Remove(kBen);
   workers_.Change(kAnn, [](Worker& worker) { worker.cools_until = absl::FromUnixSeconds(1); });
-  MakeSuspect(kUnit);
-  quarantine_.Enter(kUnit);
+  MakeSuspect(kFirst);
+  quarantine_.Enter(kFirst);
   Reserve();
-  EXPECT_THAT(quarantine_.waiting(), ElementsAre(kUnit));
+  EXPECT_THAT(quarantine_.waiting(), ElementsAre(kFirst));
   workers_.Change(kAnn, [](Worker& worker) { worker.cools_until = absl::InfinitePast(); });
   Reserve();
-  EXPECT_THAT(quarantine_.TakeReady(), ElementsAre(Pair(kAnn, kUnit)));
+  EXPECT_THAT(quarantine_.TakeReady(), ElementsAre(Pair(kAnn, kFirst)));
 }
 
 TEST_F(QuarantineTest, ACancelledReservationLetsTheUnitWaitAgain) {
-  MakeSuspect(kUnit);
-  quarantine_.Enter(kUnit);
+  MakeSuspect(kFirst);
+  quarantine_.Enter(kFirst);
   Reserve();
   quarantine_.Cancel(kBen);  // has none
   EXPECT_THAT(quarantine_.waiting(), IsEmpty());
   quarantine_.Cancel(kAnn);
-  EXPECT_THAT(quarantine_.waiting(), ElementsAre(kUnit));
+  EXPECT_THAT(quarantine_.waiting(), ElementsAre(kFirst));
   EXPECT_TRUE(workers_.IsFree(kAnn));
   Reserve();
-  ASSERT_THAT(quarantine_.TakeReady(), ElementsAre(Pair(kAnn, kUnit)));
+  ASSERT_THAT(quarantine_.TakeReady(), ElementsAre(Pair(kAnn, kFirst)));
   quarantine_.Cancel(kAnn);
   EXPECT_THAT(quarantine_.waiting(), IsEmpty()) << "the unit is leased";
   EXPECT_FALSE(workers_.IsFree(kAnn));
@@ -151,40 +145,40 @@ TEST_F(QuarantineTest, AtMostSixteenWorkersAreReserved) {
 }
 
 TEST_F(QuarantineTest, AProcessThatIsHereAgainTakesItsOwnLossesBack) {
-  for (const char* worker : {"x", "y", "ann"}) quarantine_.AddLoss(kUnit, worker);
-  quarantine_.NoteAbsence(42, kUnit);
-  quarantine_.NoteAbsence(0, kUnit);  // not known
-  quarantine_.Enter(kUnit);
+  for (const char* worker : {"x", "y", "ann"}) quarantine_.AddLoss(kFirst, worker);
+  quarantine_.NoteAbsence(42, kFirst);
+  quarantine_.NoteAbsence(0, kFirst);  // not known
+  quarantine_.Enter(kFirst);
   EXPECT_THAT(quarantine_.TakeBackLosses(43, "ann"), IsEmpty()) << "another process";
   EXPECT_THAT(quarantine_.TakeBackLosses(0, "ann"), IsEmpty());
-  EXPECT_THAT(quarantine_.TakeBackLosses(42, "ann"), ElementsAre(kUnit));
-  EXPECT_FALSE(quarantine_.IsSuspect(kUnit));
+  EXPECT_THAT(quarantine_.TakeBackLosses(42, "ann"), ElementsAre(kFirst));
+  EXPECT_FALSE(quarantine_.IsSuspect(kFirst));
   EXPECT_THAT(quarantine_.waiting(), IsEmpty());
-  EXPECT_THAT(quarantine_.LossesOf(kUnit), ElementsAre("x", "y"));
+  EXPECT_THAT(quarantine_.LossesOf(kFirst), ElementsAre("x", "y"));
   EXPECT_THAT(quarantine_.TakeBackLosses(42, "x"), IsEmpty()) << "once";
 }
 
 TEST_F(QuarantineTest, AUnitThatIsStillSuspectStaysWhenAProcessIsHereAgain) {
-  MakeSuspect(kUnit);
-  quarantine_.AddLoss(kUnit, "ann");
-  quarantine_.NoteAbsence(42, kUnit);
-  quarantine_.Enter(kUnit);
+  MakeSuspect(kFirst);
+  quarantine_.AddLoss(kFirst, "ann");
+  quarantine_.NoteAbsence(42, kFirst);
+  quarantine_.Enter(kFirst);
   EXPECT_THAT(quarantine_.TakeBackLosses(42, "ann"), IsEmpty());
-  EXPECT_THAT(quarantine_.waiting(), ElementsAre(kUnit));
+  EXPECT_THAT(quarantine_.waiting(), ElementsAre(kFirst));
 }
 
 TEST_F(QuarantineTest, AJobThatEndsLeavesTheUnitsOfOthers) {
-  MakeSuspect(kUnit);
+  MakeSuspect(kFirst);
   MakeSuspect(kSecond);
   MakeSuspect(kOfOther);
-  quarantine_.Enter(kUnit);
+  quarantine_.Enter(kFirst);
   Reserve();
   quarantine_.Enter(kSecond);
   quarantine_.Enter(kOfOther);
   quarantine_.EndJob(7);
   EXPECT_THAT(quarantine_.waiting(), ElementsAre(kOfOther));
   EXPECT_TRUE(workers_.IsFree(kAnn)) << "reserved for a unit of the job";
-  EXPECT_FALSE(quarantine_.IsSuspect(kUnit));
+  EXPECT_FALSE(quarantine_.IsSuspect(kFirst));
   EXPECT_TRUE(quarantine_.IsSuspect(kOfOther));
 }
 

@@ -4,13 +4,12 @@
 #include <gtest/gtest.h>
 
 #include "server/scheduler/scheduler.h"
+#include "tests/unit/scheduler/unit_names.h"
 
 namespace lumifold::scheduler {
 
 inline const job::JobId kJob("j-1");
 inline const job::JobId kOther("j-2");
-inline const job::WorkerId kAnn(1);
-inline const job::WorkerId kBen(2);
 inline const absl::Time kStart = absl::FromUnixSeconds(1'000'000);
 
 /// A job of 4 tiles x (1 + 2) units a frame.
@@ -23,6 +22,19 @@ inline v1::JobSpec Spec(int frames = 1) {
   spec.set_samples_per_pixel(8);
   spec.set_pass_samples(4);
   spec.set_first_frame(10);
+  spec.set_frame_count(frames);
+  return spec;
+}
+
+/// A job of a row of tiles x 2 units a frame.
+inline v1::JobSpec RowSpec(int tiles, int frames = 1) {
+  v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
+  spec.set_width(8 * tiles);
+  spec.set_height(8);
+  spec.set_tile_size(8);
+  spec.set_samples_per_pixel(4);
+  spec.set_pass_samples(4);
   spec.set_frame_count(frames);
   return spec;
 }

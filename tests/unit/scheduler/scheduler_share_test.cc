@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "server/scheduler/scheduler.h"
+#include "tests/unit/scheduler/scheduler_fixture.h"
 
 namespace lumifold::scheduler {
 namespace {
@@ -15,25 +15,6 @@ namespace {
 using job::JobId;
 using job::WorkerId;
 using ::testing::IsEmpty;
-
-const JobId kJob("j-1");
-const JobId kOther("j-2");
-const WorkerId kAnn(1);
-const WorkerId kBen(2);
-const absl::Time kStart = absl::FromUnixSeconds(1'000'000);
-
-/// 1000 units in a frame.
-v1::JobSpec Spec(int tiles = 500) {
-  v1::JobSpec spec;
-  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
-  spec.set_width(8 * tiles);
-  spec.set_height(8);
-  spec.set_tile_size(8);
-  spec.set_samples_per_pixel(4);
-  spec.set_pass_samples(4);
-  spec.set_frame_count(1);
-  return spec;
-}
 
 class SchedulerShareTest : public ::testing::Test {
  protected:
@@ -60,9 +41,10 @@ class SchedulerShareTest : public ::testing::Test {
 };
 
 TEST_F(SchedulerShareTest, UsersGetEqualSlotsAtOnce) {
-  for (int i = 0; i < 4; ++i) scheduler_.jobs().Add(JobId(absl::StrCat("a-", i)), Spec(), {.user = "ann"});
-  scheduler_.jobs().Add(JobId("b"), Spec(), {.user = "ben"});
-  scheduler_.jobs().Add(JobId("c"), Spec(), {.priority = 10, .user = "cat"});
+  for (int i = 0; i < 4; ++i)
+    scheduler_.jobs().Add(JobId(absl::StrCat("a-", i)), RowSpec(500), {.user = "ann"});
+  scheduler_.jobs().Add(JobId("b"), RowSpec(500), {.user = "ben"});
+  scheduler_.jobs().Add(JobId("c"), RowSpec(500), {.priority = 10, .user = "cat"});
   for (int i = 0; i < 80; ++i) scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2"});
   std::map<std::string, int> leases;
   for (const GrantedLease& lease : scheduler_.GrantLeases(now_))
@@ -73,8 +55,8 @@ TEST_F(SchedulerShareTest, UsersGetEqualSlotsAtOnce) {
 }
 
 TEST_F(SchedulerShareTest, AWorkerGoesOnWithTheSceneItHasLoadedUntilTheSlackIsUsedUp) {
-  scheduler_.jobs().Add(kJob, Spec(), {.user = "ann"});
-  scheduler_.jobs().Add(kOther, Spec(), {.user = "ben"});
+  scheduler_.jobs().Add(kJob, RowSpec(500), {.user = "ann"});
+  scheduler_.jobs().Add(kOther, RowSpec(500), {.user = "ben"});
   scheduler_.workers().Add(kAnn, {.numeric_class = "avx2"});
   const std::vector<JobId> jobs = Render(kAnn, 600);
   int changes = 0;
@@ -89,8 +71,8 @@ TEST_F(SchedulerShareTest, AWorkerGoesOnWithTheSceneItHasLoadedUntilTheSlackIsUs
 }
 
 TEST_F(SchedulerShareTest, LongUnitsCountWhileTheyRun) {
-  scheduler_.jobs().Add(kJob, Spec(20'000), {.user = "ann"});
-  scheduler_.jobs().Add(kOther, Spec(20'000), {.user = "ben"});
+  scheduler_.jobs().Add(kJob, RowSpec(20'000), {.user = "ann"});
+  scheduler_.jobs().Add(kOther, RowSpec(20'000), {.user = "ben"});
   for (int i = 0; i < 20; ++i) scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2"});
   std::map<JobId, int> held;
   std::vector<GrantedLease> short_units;
@@ -115,8 +97,8 @@ TEST_F(SchedulerShareTest, LongUnitsCountWhileTheyRun) {
 }
 
 TEST_F(SchedulerShareTest, AJobOfTheLowestPriorityDoesNotStarve) {
-  scheduler_.jobs().Add(kJob, Spec(20'000), {.priority = 100, .user = "ann"});
-  scheduler_.jobs().Add(kOther, Spec(), {.priority = -100, .user = "ben"});
+  scheduler_.jobs().Add(kJob, RowSpec(20'000), {.priority = 100, .user = "ann"});
+  scheduler_.jobs().Add(kOther, RowSpec(500), {.priority = -100, .user = "ben"});
   scheduler_.workers().Add(kAnn, {.numeric_class = "avx2"});
   absl::Time served = now_;
   absl::Duration longest;
@@ -131,7 +113,7 @@ TEST_F(SchedulerShareTest, AJobOfTheLowestPriorityDoesNotStarve) {
 }
 
 TEST_F(SchedulerShareTest, IdleSlotsTakeLateUnitsASecondTimeAndOnlyOnce) {
-  scheduler_.jobs().Add(kJob, Spec(10));  // 20 units
+  scheduler_.jobs().Add(kJob, RowSpec(10));  // 20 units
   for (int i = 0; i < 20; ++i) scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2"});
   const auto leases = scheduler_.GrantLeases(now_);
   ASSERT_EQ(leases.size(), 20u);
@@ -160,7 +142,7 @@ TEST_F(SchedulerShareTest, IdleSlotsTakeLateUnitsASecondTimeAndOnlyOnce) {
 }
 
 TEST_F(SchedulerShareTest, APausedOrLimitedJobGetsNoSecondLeases) {
-  scheduler_.jobs().Add(kJob, Spec(10), {.max_leases = 20});
+  scheduler_.jobs().Add(kJob, RowSpec(10), {.max_leases = 20});
   for (int i = 0; i < 30; ++i) scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2"});
   const auto leases = scheduler_.GrantLeases(now_);
   now_ += absl::Seconds(2);

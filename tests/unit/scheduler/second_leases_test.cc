@@ -5,18 +5,18 @@
 
 #include <vector>
 
+#include "tests/unit/scheduler/unit_names.h"
+
 namespace lumifold::scheduler {
 namespace {
 
 using job::Attempt;
 using ::testing::ElementsAre;
 
-const absl::Time kNow = absl::FromUnixSeconds(1000);
 constexpr SecondLeases::Kind kGeometry{7, 0};
 constexpr SecondLeases::Kind kPasses{7, 2};
 constexpr double kUsual = 1;
 const Requirement kAny{};
-const Requirement kAvx2{"avx2", {}};
 const Requirement kSse2{"sse2", {}};
 
 class SecondLeasesTest : public ::testing::Test {

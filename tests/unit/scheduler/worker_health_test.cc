@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/unit/scheduler/unit_names.h"
+
 namespace lumifold::scheduler {
 namespace {
 
@@ -11,13 +13,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-const absl::Time kNow = absl::FromUnixSeconds(1000);
 constexpr absl::Duration kCoolDown = absl::Minutes(5);
-constexpr UnitIndex kUnit{7, {0, 1}};
-constexpr UnitIndex kSecond{7, {0, 2}};
-constexpr UnitIndex kOfOther{8, {0, 1}};
-const WorkerId kAnn(1);
-const WorkerId kBen(2);
 const WorkerId kCid(3);
 const WorkerId kDan(4);
 
@@ -43,31 +39,31 @@ class WorkerHealthTest : public ::testing::Test {
 };
 
 TEST_F(WorkerHealthTest, FailuresOfAUnitAreCountedUntilItIsRendered) {
-  EXPECT_EQ(health_.CountFailure(kUnit, kAnn, false).count, 1);
+  EXPECT_EQ(health_.CountFailure(kFirst, kAnn, false).count, 1);
   EXPECT_EQ(health_.CountFailure(kSecond, kAnn, false).count, 1) << "another unit";
-  const WorkerHealth::Failures& failures = health_.CountFailure(kUnit, kBen, true);
+  const WorkerHealth::Failures& failures = health_.CountFailure(kFirst, kBen, true);
   EXPECT_EQ(failures.count, 2);
   EXPECT_THAT(failures.permanent_by, ElementsAre("ben"));
   EXPECT_THAT(failures.workers, ElementsAre(kAnn, kBen));
-  health_.AttributeFailures(kUnit, kCid, kNow);
-  EXPECT_EQ(health_.CountFailure(kUnit, kAnn, false).count, 1);
+  health_.AttributeFailures(kFirst, kCid, kNow);
+  EXPECT_EQ(health_.CountFailure(kFirst, kAnn, false).count, 1);
 }
 
 TEST_F(WorkerHealthTest, ADropIsNoFailureButTheUnitGoesToAnother) {
-  health_.CountDrop(kUnit, kAnn);
-  EXPECT_TRUE(health_.WasLastToFail(kUnit, "ann"));
-  EXPECT_EQ(health_.CountFailure(kUnit, kBen, false).count, 1);
-  EXPECT_TRUE(health_.WasLastToFail(kUnit, "ben"));
-  EXPECT_FALSE(health_.WasLastToFail(kUnit, "ann"));
+  health_.CountDrop(kFirst, kAnn);
+  EXPECT_TRUE(health_.WasLastToFail(kFirst, "ann"));
+  EXPECT_EQ(health_.CountFailure(kFirst, kBen, false).count, 1);
+  EXPECT_TRUE(health_.WasLastToFail(kFirst, "ben"));
+  EXPECT_FALSE(health_.WasLastToFail(kFirst, "ann"));
   EXPECT_FALSE(health_.WasLastToFail(kSecond, "ben"));
   EXPECT_THAT(health_.FailedWorkersOf(7), ElementsAre(kAnn, kBen));
   EXPECT_THAT(health_.FailedWorkersOf(8), IsEmpty());
-  health_.AttributeFailures(kUnit, kCid, kNow);
-  EXPECT_FALSE(health_.WasLastToFail(kUnit, "ben")) << "it was rendered";
+  health_.AttributeFailures(kFirst, kCid, kNow);
+  EXPECT_FALSE(health_.WasLastToFail(kFirst, "ben")) << "it was rendered";
 }
 
 TEST_F(WorkerHealthTest, AWorkerThatFailsTwoJobsCoolsDown) {
-  Attribute(kUnit, kAnn);
+  Attribute(kFirst, kAnn);
   Attribute(kSecond, kAnn);
   EXPECT_FALSE(CoolsDown(kAnn)) << "one job may be at fault itself";
   Attribute(kOfOther, kAnn);
@@ -82,48 +78,48 @@ TEST_F(WorkerHealthTest, AWorkerThatFailsTwoJobsCoolsDown) {
 }
 
 TEST_F(WorkerHealthTest, AWorkerThatRendersTheUnitAfterAllIsNotAtFault) {
-  Attribute(kUnit, kAnn, kNow, kAnn);
+  Attribute(kFirst, kAnn, kNow, kAnn);
   Attribute(kOfOther, kAnn, kNow, kAnn);
   EXPECT_FALSE(CoolsDown(kAnn));
 }
 
 TEST_F(WorkerHealthTest, FailuresAreForgottenAfterTheCoolDownTime) {
-  Attribute(kUnit, kAnn);
+  Attribute(kFirst, kAnn);
   Attribute(kOfOther, kAnn, kNow + kCoolDown);
   EXPECT_FALSE(CoolsDown(kAnn));
-  Attribute(kUnit, kAnn, kNow + 2 * kCoolDown - absl::Nanoseconds(1));
+  Attribute(kFirst, kAnn, kNow + 2 * kCoolDown - absl::Nanoseconds(1));
   EXPECT_TRUE(CoolsDown(kAnn)) << "the last failures are of two jobs within the time";
 }
 
 TEST_F(WorkerHealthTest, ACoolDownEndsAtItsTimeAndWhatCausedItIsForgotten) {
-  Attribute(kUnit, kAnn);
+  Attribute(kFirst, kAnn);
   Attribute(kOfOther, kAnn);
   health_.EndCoolDowns(kNow + kCoolDown - absl::Nanoseconds(1));
   EXPECT_TRUE(CoolsDown(kAnn));
   health_.EndCoolDowns(kNow + kCoolDown);
   EXPECT_FALSE(CoolsDown(kAnn));
   EXPECT_EQ(health_.CoolDownReason(kAnn), "");
-  Attribute(kUnit, kAnn);
+  Attribute(kFirst, kAnn);
   EXPECT_FALSE(CoolsDown(kAnn)) << "one job since";
 }
 
 TEST_F(WorkerHealthTest, HalfOfTheWorkersOfAClassDoNotCoolDown) {
   workers_.Add(WorkerId(9), {.name = "other", .numeric_class = "sse2"});
   for (const WorkerId worker : {kAnn, kBen, kCid}) {
-    Attribute(kUnit, worker);
+    Attribute(kFirst, worker);
     Attribute(kOfOther, worker);
   }
   EXPECT_TRUE(CoolsDown(kAnn));
   EXPECT_TRUE(CoolsDown(kBen));
   EXPECT_FALSE(CoolsDown(kCid)) << "the third of four";
   for (const WorkerId worker : {kBen, kCid}) workers_.Remove(worker);
-  Attribute(kUnit, kDan, kNow, kAnn);
+  Attribute(kFirst, kDan, kNow, kAnn);
   Attribute(kOfOther, kDan, kNow, kAnn);
   EXPECT_FALSE(CoolsDown(kDan)) << "the last worker that is available";
 }
 
 TEST_F(WorkerHealthTest, AWorkerThatIsGoneIsNotAtFault) {
-  Attribute(kUnit, kAnn);
+  Attribute(kFirst, kAnn);
   health_.CountFailure(kOfOther, kAnn, false);
   health_.Remove(kAnn);
   workers_.Remove(kAnn);
@@ -149,7 +145,7 @@ TEST_F(WorkerHealthTest, ABlockIsOfANameAndEndsOneByOne) {
 }
 
 TEST_F(WorkerHealthTest, AReadmittedWorkerIsNeitherBlockedNorDrainingNorCoolingDown) {
-  Attribute(kUnit, kAnn);
+  Attribute(kFirst, kAnn);
   Attribute(kOfOther, kAnn);
   health_.Block("ann", "smoke");
   workers_.Change(kAnn, [](Worker& worker) { worker.draining = true; });
@@ -157,15 +153,15 @@ TEST_F(WorkerHealthTest, AReadmittedWorkerIsNeitherBlockedNorDrainingNorCoolingD
   EXPECT_FALSE(workers_.IsFree(kAnn)) << "it is still blocked";
   EXPECT_TRUE(health_.Readmit("ann"));
   EXPECT_TRUE(workers_.IsFree(kAnn));
-  Attribute(kUnit, kAnn, kNow + kCoolDown);
+  Attribute(kFirst, kAnn, kNow + kCoolDown);
   EXPECT_FALSE(CoolsDown(kAnn)) << "what was said against it is forgotten";
 }
 
 TEST_F(WorkerHealthTest, AJobThatEndsLeavesTheFailuresOfOthers) {
-  health_.CountFailure(kUnit, kAnn, false);
+  health_.CountFailure(kFirst, kAnn, false);
   health_.CountFailure(kOfOther, kBen, false);
   health_.EndJob(7);
-  EXPECT_FALSE(health_.WasLastToFail(kUnit, "ann"));
+  EXPECT_FALSE(health_.WasLastToFail(kFirst, "ann"));
   EXPECT_TRUE(health_.WasLastToFail(kOfOther, "ben"));
 }
 

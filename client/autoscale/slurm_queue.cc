@@ -17,7 +17,7 @@ namespace {
 
 enum Field { kId, kState, kStarted, kEnd, kCores, kReason, kName, kFields };
 constexpr int64_t kMaxSlot = 1'000'000;
-constexpr size_t kShownBytes = 120;
+constexpr size_t kShownLineBytes = 120;
 
 struct StateMeaning {
   Request::State state;
@@ -137,7 +137,7 @@ absl::StatusOr<std::vector<Request>> ParseSlurmQueue(absl::string_view text, abs
     }
     if (!request.has_value())
       return absl::DataLossError(absl::StrCat("squeue printed a line that is not understood: ",
-                                              absl::CHexEscape(line.substr(0, kShownBytes))));
+                                              absl::CHexEscape(line.substr(0, kShownLineBytes))));
     requests.push_back(*std::move(request));
   }
   MarkDuplicates(&requests);

@@ -8,18 +8,18 @@
 namespace lumifold::access {
 namespace {
 
-using Row = std::array<Access, kRoles.size()>;
+using Who = std::array<Access, kRoles.size()>;
 
 // In the order of kRoles: nobody, read, submit, admin, worker, local.
-constexpr Row kAnyone = {Access::kYes, Access::kYes, Access::kYes, Access::kYes, Access::kYes, Access::kYes};
-constexpr Row kKnown = {Access::kNo, Access::kYes, Access::kYes, Access::kYes, Access::kYes, Access::kYes};
-constexpr Row kReaders = {Access::kNo, Access::kYes, Access::kYes, Access::kYes, Access::kNo, Access::kYes};
-constexpr Row kReadersOfJobs = {Access::kNo,  Access::kOwn, Access::kOwn,
+constexpr Who kAnyone = {Access::kYes, Access::kYes, Access::kYes, Access::kYes, Access::kYes, Access::kYes};
+constexpr Who kKnown = {Access::kNo, Access::kYes, Access::kYes, Access::kYes, Access::kYes, Access::kYes};
+constexpr Who kReaders = {Access::kNo, Access::kYes, Access::kYes, Access::kYes, Access::kNo, Access::kYes};
+constexpr Who kReadersOfJobs = {Access::kNo,  Access::kOwn, Access::kOwn,
                                 Access::kYes, Access::kNo,  Access::kYes};
-constexpr Row kSubmitters = {Access::kNo, Access::kNo, Access::kYes, Access::kYes, Access::kNo, Access::kYes};
-constexpr Row kOwners = {Access::kNo, Access::kNo, Access::kOwn, Access::kYes, Access::kNo, Access::kYes};
-constexpr Row kAdmins = {Access::kNo, Access::kNo, Access::kNo, Access::kYes, Access::kNo, Access::kYes};
-constexpr Row kWorkers = {Access::kNo, Access::kNo, Access::kNo, Access::kNo, Access::kYes, Access::kYes};
+constexpr Who kSubmitters = {Access::kNo, Access::kNo, Access::kYes, Access::kYes, Access::kNo, Access::kYes};
+constexpr Who kOwners = {Access::kNo, Access::kNo, Access::kOwn, Access::kYes, Access::kNo, Access::kYes};
+constexpr Who kAdmins = {Access::kNo, Access::kNo, Access::kNo, Access::kYes, Access::kNo, Access::kYes};
+constexpr Who kWorkers = {Access::kNo, Access::kNo, Access::kNo, Access::kNo, Access::kYes, Access::kYes};
 
 constexpr bool kChanges = true;
 constexpr bool kCheckedByService = true;

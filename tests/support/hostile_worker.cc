@@ -1,6 +1,6 @@
-// A worker for tests: it renders as lumifold-worker does, but breaks the protocol in one way, --behaviour. It
-// writes "event=hostile" with what it did to standard error for each unit, so that a test knows that it did
-// harm.
+// A worker for tests: it renders as lumifold-worker does, but breaks the protocol in the way that --behaviour
+// names, or in several by turns. It writes "event=hostile" with what it did to standard error for each unit, so
+// that a test knows that it did harm.
 #include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
 #include <signal.h>
@@ -52,7 +52,7 @@ constexpr float kWrongFactor = 1.5f;
 struct Options {
   std::string server;
   std::string name;
-  std::string behaviour;
+  std::vector<std::string> behaviours;
   int slots = 2;
   double late_seconds = 5;
 };
@@ -371,10 +371,6 @@ void SendHalfAndVanish(Session& session, const v1::Lease& lease, RenderedUnit& u
   session.Vanish();
 }
 
-void SendPermanentFailure(Session& session, const v1::Lease& lease, RenderedUnit&) {
-  session.SendFailure(lease, "no unit can be rendered", /*permanent=*/true);
-}
-
 void SendLongFailure(Session& session, const v1::Lease& lease, RenderedUnit&) {
   session.SendFailure(lease, std::string(kLongTextBytes, 'e'), /*permanent=*/true);
 }
@@ -430,8 +426,7 @@ constexpr std::array kBehaviours = {
     Behaviour{"late", "is silent past its lease, then delivers wrong pixels", SendLate},
     Behaviour{"wrong-pixels", "plausible but wrong pixels", SendWrongPixels},
     Behaviour{"vanish", "breaks the connection within each unit", SendHalfAndVanish},
-    Behaviour{"permanent", "calls each unit impossible to render", SendPermanentFailure},
-    Behaviour{"long-error", "as permanent, with an error text of 3 MB", SendLongFailure},
+    Behaviour{"long-error", "calls each unit impossible to render, in 3 MB of text", SendLongFailure},
     Behaviour{"foreign-failures", "reports failures of units that others have leased", SendForeignFailures},
     Behaviour{"wrong-plan", "a value of each plan is out of range", SendWrongPlan, /*spoils_plans=*/true},
     Behaviour{"hoard", "reports progress for ever and delivers nothing", KeepLease},
@@ -451,9 +446,9 @@ const Behaviour* FindBehaviour(const std::string& name) {
 /// One connection; returns how the coordinator ended it.
 grpc::Status RunSession(Farm* farm, worker::SpecCache* specs, worker::UnitRenderer* renderer,
                         const Options& options) {
-  const Behaviour* behaviour = FindBehaviour(options.behaviour);
+  static size_t turn = 0;
   Session session(farm, specs, renderer, options);
-  session.SendHello(options.behaviour == kOtherVersion ? rpc::kWireVersion + 1 : rpc::kWireVersion);
+  session.SendHello(options.behaviours.front() == kOtherVersion ? rpc::kWireVersion + 1 : rpc::kWireVersion);
   std::thread reader([&session] { session.ReadAll(); });
   std::atomic<bool> stop = false;
   std::thread heart([&] {
@@ -468,9 +463,10 @@ grpc::Status RunSession(Farm* farm, worker::SpecCache* specs, worker::UnitRender
       session.Forget(*lease);
       continue;
     }
+    const Behaviour* behaviour = FindBehaviour(options.behaviours[turn++ % options.behaviours.size()]);
     const bool is_plan = unit->plan.has_value();
     (is_plan && !behaviour->spoils_plans ? &DeliverHonestly : behaviour->deliver)(session, *lease, *unit);
-    Report(absl::StrCat("behaviour=", options.behaviour, " ", Describe(lease->unit())));
+    Report(absl::StrCat("behaviour=", behaviour->name, " ", Describe(lease->unit())));
   }
   stop = true;
   heart.join();
@@ -512,10 +508,10 @@ void Run(const Options& options) {
   const std::unique_ptr<worker::SpecSource> spec_source = worker::MakeRemoteSpecSource(&farm.current, labels);
   worker::SpecCache specs(spec_source.get());
   while (true) {
-    const grpc::Status status = options.behaviour == kGarbageMessage
+    const grpc::Status status = options.behaviours.front() == kGarbageMessage
                                     ? SendGarbageMessage(farm.channel)
                                     : RunSession(&farm, &specs, &renderer, options);
-    Report(absl::StrCat("behaviour=", options.behaviour, " ended code=",
+    Report(absl::StrCat("behaviour=", options.behaviours.front(), " ended code=",
                         static_cast<int>(status.error_code()), " error=\"", status.error_message(), "\""));
     absl::SleepFor(kReconnectPause);
   }
@@ -533,7 +529,10 @@ int main(int argc, char** argv) {
   std::vector<std::string> names = {lumifold::kOtherVersion, lumifold::kGarbageMessage};
   for (const lumifold::Behaviour& behaviour : lumifold::kBehaviours) names.emplace_back(behaviour.name);
   app.add_option("--server", options.server, "Coordinator, HOST:PORT")->required();
-  app.add_option("--behaviour", options.behaviour, "What it does")->required()->check(CLI::IsMember(names));
+  app.add_option("--behaviour", options.behaviours, "What it does; several: with one unit after the other")
+      ->required()
+      ->delimiter(',')
+      ->check(CLI::IsMember(names));
   app.add_option("--name", options.name, "Name in the coordinator's log");
   app.add_option("--slots", options.slots, "Leases at a time");
   app.add_option("--late-seconds", options.late_seconds, "Silence of 'late'");

@@ -8,17 +8,31 @@ from world import LEASE_SECONDS, Picture, Setup
 
 # What the hostile worker says for each unit, and for each connection that was ended.
 DELIVERED = ("event=hostile .*unit=", "units")
-ENDED = ("event=hostile .*ended code=", "connections ended")
 FOREIGN_TOKEN = ("token of another job", "units")
 GARBAGE_CONNECTIONS = 20
 ANSWER_SECONDS = 5
 MAX_WARNINGS = 101  # with the line that counts the others
 LONG = Picture(samples=512)
+# What a worker does to units that are then refused, in turn.
+INVALID = {
+    "nan": "a value is NaN",
+    "infinity": "a value is infinite",
+    "negative-count": "a sample count is negative",
+    "too-many-samples": "a sample count is above that of the pass",
+    "wrong-size": "one pixel narrower than their tile",
+    "missing-channel": "without their last channel",
+    "garbage": "random bytes for pixels, with a checksum that fits",
+    "flipped-bit": "one bit differs from the checksum",
+    "short": "half of the bytes",
+}
+# Workers that never get on, each a process of its own.
+WRONG_HELLOS = ("second-hello", "other-version", "garbage-message")
 
 
 def hostile(behaviour,
             what,
             *proofs,
+            name="",
             said=DELIVERED,
             jobs=1,
             options=(),
@@ -35,7 +49,7 @@ def hostile(behaviour,
                   picture=picture,
                   submit=submit,
                   all_before_job=all_before_job)
-    return Fault(f"worker: {behaviour}",
+    return Fault(f"worker: {name or behaviour}",
                  what,
                  lambda world: None,
                  both(said_by_workers(*said), *proofs),
@@ -89,12 +103,11 @@ def all_refused(world, refused):
 
 
 FAULTS = [
-    hostile("nan", "a value of each unit is NaN", refused),
-    hostile("infinity", "a value of each unit is infinite", refused),
-    hostile("negative-count", "a sample count is negative", refused),
-    hostile("too-many-samples", "a sample count is above that of the pass", refused),
-    hostile("wrong-size", "units one pixel narrower than their tile", refused),
-    hostile("missing-channel", "units without their last channel", refused),
+    hostile(",".join(INVALID),
+            f"units that are not valid, in turn: {', '.join(INVALID.values())}",
+            *(said_by_workers(f"event=hostile behaviour={way} unit=", way) for way in INVALID),
+            refused,
+            name="invalid units"),
     hostile("wrong-tile", "units under the number of another tile", logged("unit_not_wanted",
                                                                            "lease_dropped")),
     hostile("other-job",
@@ -102,9 +115,6 @@ FAULTS = [
             logged("unit_not_wanted", "lease_dropped"),
             jobs=2,
             said=FOREIGN_TOKEN),
-    hostile("garbage", "random bytes for pixels, with a checksum that fits", refused),
-    hostile("flipped-bit", "pixels that differ in one bit from their checksum", refused),
-    hostile("short", "half of the bytes of each unit", refused),
     hostile("warnings", "3 MB of new warnings with each unit", texts_are_bounded),
     hostile("twice", "each unit twice, with wrong pixels the second time", logged("unit_not_wanted")),
     hostile("late",
@@ -122,14 +132,21 @@ FAULTS = [
             logged("worker_gone"),
             picture=LONG),
     # A worker that is alone is believed.
-    hostile("permanent", "calls each unit impossible to render", logged("unit_failed"), all_before_job=True),
-    hostile("long-error", "as before, with 3 MB of error text", logged("unit_failed"), all_before_job=True),
+    hostile("long-error",
+            "calls each unit impossible to render, in 3 MB of text",
+            logged("unit_failed"),
+            all_before_job=True),
     hostile("foreign-failures", "failures of units that others have leased"),
     hostile("hoard", "reports progress for ever and delivers nothing",
             logged_one_of("unit_overdue", "leases_void")),
-    hostile("second-hello", "introduces itself twice", said=ENDED),
-    hostile("other-version", "speaks another version of the protocol", logged("worker_refused"), said=ENDED),
-    hostile("garbage-message", "random bytes for its first message", said=ENDED),
+    Fault("workers: wrong introductions",
+          "three workers: one introduces itself twice, one speaks another version of the protocol, one sends "
+          "random bytes for its first message",
+          lambda world: None,
+          both(*(said_by_workers(f"event=hostile behaviour={way} ended code=", way) for way in WRONG_HELLOS),
+               logged("worker_refused")),
+          setup=Setup(workers=1, hostile=WRONG_HELLOS),
+          after_units=0),
     Fault("garbage on the port", f"{GARBAGE_CONNECTIONS} connections with random bytes", send_garbage,
           all_refused, count_refused),
 ]

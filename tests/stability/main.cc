@@ -2,7 +2,8 @@
 //
 //   lumifold-stability                         all cells, as a table on stdout
 //   lumifold-stability --column default --kept docs/results/stability.csv
-//                                              the default method, compared with its kept figures: what the gate runs
+//                                              the default method, compared with its kept figures: what the gate runs,
+//                                              with --except for what takes long
 //   lumifold-stability --output docs/results   writes stability.md and stability.csv; with --column or --case, the
 //                                              other cells are kept from the existing CSV
 //   lumifold-stability --crop 6:paper out.png  the pictures of a cell: noisy, filtered, truth, side by side
@@ -41,6 +42,7 @@ constexpr char kDefault[] = "default";
 struct Options {
   std::vector<std::string> columns;
   std::vector<int> cases;
+  std::vector<int> except;
   std::vector<std::string> crop;  // CASE:METHOD and a file
   std::string output;
   std::string kept;  // a stability.csv; empty: no comparison
@@ -64,9 +66,12 @@ absl::StatusOr<Cell> RunCell(const Case& c, const Trial& trial) {
   return cell;
 }
 
+bool Contains(const std::vector<int>& numbers, const Case& c) {
+  return std::find(numbers.begin(), numbers.end(), c.number) != numbers.end();
+}
+
 bool IsAsked(const Options& options, const Case& c) {
-  return options.cases.empty() ||
-         std::find(options.cases.begin(), options.cases.end(), c.number) != options.cases.end();
+  return (options.cases.empty() || Contains(options.cases, c)) && !Contains(options.except, c);
 }
 
 /// Appends the case's row.
@@ -187,6 +192,7 @@ int Main(int argc, char** argv) {
   app.add_option("--column", options.columns, "Methods, such as default,paper (default: all)")
       ->delimiter(',');
   app.add_option("--case", options.cases, "Numbers of cases (default: all)")->delimiter(',');
+  app.add_option("--except", options.except, "Numbers of cases to leave out")->delimiter(',');
   app.add_option("--crop", options.crop, "CASE:METHOD FILE: writes that cell's pictures as PNG")->expected(2);
   app.add_option("--output", options.output,
                  "Folder for stability.md and stability.csv; cells that are not run are kept");

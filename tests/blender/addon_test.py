@@ -21,7 +21,7 @@ from lumifold import versions
 
 HERE = pathlib.Path(__file__).parent
 ADDON = HERE.parents[1] / "deploy/blender"
-SAMPLES, FEW_SAMPLES = 256, 64
+SAMPLES, FEW_SAMPLES = 128, 32
 BLOCK = 8  # pixels: means over blocks have little noise
 WIDTH, HEIGHT = 128, 96
 # Of each scene: allowed difference of the mean from Cycles, and of the root mean square of the blocks, in

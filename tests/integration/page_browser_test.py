@@ -58,7 +58,7 @@ class PageBrowserTest(unittest.TestCase):
         self.browser.wait_text("#connection", "connected")
         self.assertNotIn("session", self.browser.run("return location.href"),
                          "the secret leaves the address bar")
-        job = self.submit("--size", "640x480", "--spp", 256)
+        job = self.submit("--size", "640x480", "--spp", 64)
         self.browser.wait_text("#jobs", job)
         self.browser.click("#jobs button")
         self.browser.wait_text("#job-state", "submitted")

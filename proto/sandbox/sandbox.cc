@@ -185,11 +185,11 @@ absl::Status FilterCalls(const SandboxOptions& options, SandboxReport* report) {
 }
 
 /// The limit of this process's control group, if it has one.
-std::optional<uint64_t> MemoryOfControlGroup() {
-  for (const char* path : {"/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"}) {
+std::optional<uint64_t> MemoryOfControlGroup(const std::string& control_groups) {
+  for (const char* file : {"/memory.max", "/memory/memory.limit_in_bytes"}) {
     std::string text;
     uint64_t bytes = 0;
-    if (std::ifstream(path) >> text && absl::SimpleAtoi(text, &bytes)) return bytes;
+    if (std::ifstream(control_groups + file) >> text && absl::SimpleAtoi(text, &bytes)) return bytes;
   }
   return std::nullopt;
 }
@@ -229,10 +229,10 @@ absl::StatusOr<SandboxReport> EnterSandbox(const SandboxOptions& options) {
   return report;
 }
 
-uint64_t DefaultMemoryBytes(int threads) {
+uint64_t DefaultMemoryBytes(int threads, const std::string& control_groups) {
   const auto pages = static_cast<uint64_t>(std::max(0L, sysconf(_SC_PHYS_PAGES)));
   const uint64_t machine = pages * static_cast<uint64_t>(sysconf(_SC_PAGESIZE));
-  const uint64_t usable = std::min(machine, MemoryOfControlGroup().value_or(machine));
+  const uint64_t usable = std::min(machine, MemoryOfControlGroup(control_groups).value_or(machine));
   // Stack and heap of a thread in glibc are 8 and 64 MiB of addresses, twice the heap while it is aligned.
   // gRPC, TBB and the log have threads of their own.
   constexpr uint64_t kPerThread = uint64_t{160} << 20;

@@ -89,19 +89,11 @@ void Units::Bind(Job& job, const std::string& numeric_class) {
   Requirement requirement = state_->RequirementOf(job);
   requirement.numeric_class = numeric_class;
   frames_->CountActive(job, false);
-  const std::vector<Attempt> attempts = state_->leases.OfJob(job.number);
-  for (const Attempt attempt : attempts) {
-    Lease lease = *state_->leases.Find(attempt);
-    if (!lease.is_late) continue;
-    state_->second_leases.Remove(state_->RequirementOf(job), lease.expected_end, attempt);
-    lease.is_late = false;  // it is late again at the next check
-    if (!lease.is_overdue) lease.check = state_->latest;
-    state_->leases.Update(attempt, lease);
-  }
+  // No lease of the job is among the late ones: how long its units take is not known before it is bound.
   state_->ready.SetRequirement(job.number, requirement, state_->latest);
   frames_->CountActive(job, true);
   state_->UpdateReady(job);
-  for (const Attempt attempt : attempts) {
+  for (const Attempt attempt : state_->leases.OfJob(job.number)) {
     const WorkerId worker = state_->leases.Find(attempt)->worker;
     if (state_->workers.Find(worker)->traits.numeric_class != numeric_class)
       leasing_->Revoke(attempt, RetryReason::kOtherClass);

@@ -3,10 +3,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
 
+#include "absl/algorithm/container.h"
 #include "tests/support/encoded_unit.h"
+#include "tests/support/made_up_plan.h"
 #include "tests/support/random_unit.h"
 
 namespace lumifold::film {
@@ -27,6 +33,31 @@ TEST(UnitLayout, NamesFourHalvedLayersAndTheRest) {
   EXPECT_THAT(PassChannels(), Contains("glossy_b.G"));
   EXPECT_THAT(PassChannels(), Contains("samples_a.Y"));
   EXPECT_THAT(GeometryChannels(), SizeIs(9));
+}
+
+TEST(UnitLayout, ADecisionAgainstALayerTakesItsChannelsAway) {
+  const std::vector<std::pair<std::string_view, std::vector<std::string_view>>> layers_of = {
+      {decisions::kDirect, {layers::kDirect}},
+      {decisions::kIndirect, {layers::kIndirect}},
+      {decisions::kAlbedo, {layers::kAlbedo}},
+      {decisions::kEmission, {layers::kEmission}},
+      {decisions::kGlossy, {layers::kGlossy, layers::kGlossyAlbedo}}};
+  for (const auto& [decision, layers_without] : layers_of) {
+    v1::JobSpec spec;
+    *spec.mutable_plan() = MadeUpPlan();
+    for (v1::PlanDecision& made : *spec.mutable_plan()->mutable_decisions()) {
+      if (made.name() == decision) made.set_value(0);
+    }
+    const std::vector<std::string> left = PassChannels(ModelOf(spec));
+    for (const std::string& channel : PassChannels()) {
+      const bool is_away =
+          std::any_of(layers_without.begin(), layers_without.end(), [&](std::string_view layer) {
+            const size_t end = layer.size();  // "glossy_a.R" is of "glossy", "glossy_albedo.R" is not
+            return channel.starts_with(layer) && (channel[end] == '.' || channel.substr(end + 2, 1) == ".");
+          });
+      EXPECT_EQ(absl::c_linear_search(left, channel), !is_away) << decision << " " << channel;
+    }
+  }
 }
 
 TEST(UnitLayout, TakesALevelWholeOrNotAtAll) {

@@ -4,7 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
@@ -67,6 +70,32 @@ TEST_F(PostgresJobStoreTest, AServerThatGoesAwayIsUnavailableAndThenUsedAgain) {
   server_->StartServer();
   EXPECT_TRUE(store_->GetJob(JobId("j-a")).ok());
   EXPECT_TRUE(store_->CommitUnits({Commit("j-a", {Unit("j-a", 0, 1, 0)})})->front().ok());
+}
+
+TEST_F(PostgresJobStoreTest, AnErrorsClassSaysWhetherItIsTheStorages) {
+  const std::vector<std::pair<std::string, StatusCode>> codes = {
+      {"23505", StatusCode::kAlreadyExists},    // unique violation
+      {"XX001", StatusCode::kDataLoss},         // a damaged table
+      {"XX002", StatusCode::kDataLoss},         // a damaged index
+      {"22021", StatusCode::kInvalidArgument},  // not UTF-8
+      {"08006", StatusCode::kUnavailable},      // the connection failed
+      {"28000", StatusCode::kUnavailable},      // no such login
+      {"40001", StatusCode::kUnavailable},      // rolled back for another transaction
+      {"53100", StatusCode::kUnavailable},      // disk full
+      {"55P03", StatusCode::kUnavailable},      // lock not available
+      {"57P01", StatusCode::kUnavailable},      // shutdown
+      {"58030", StatusCode::kUnavailable},      // input or output error
+      {"25006", StatusCode::kUnavailable},      // read-only
+      {"25001", StatusCode::kInternal},         // a transaction within one
+      {"42601", StatusCode::kInternal},         // a syntax error
+      {"22003", StatusCode::kInternal},         // a number out of range
+  };
+  const std::unique_ptr<PostgresConnection> connection = *PostgresConnection::Open(database_->uri());
+  for (const auto& [code, status] : codes) {
+    const std::string script =
+        absl::StrCat("DO $$ BEGIN RAISE EXCEPTION 'raised' USING ERRCODE = '", code, "'; END $$");
+    EXPECT_EQ(connection->RunScript(script).code(), status) << code;
+  }
 }
 
 TEST_F(PostgresJobStoreTest, NoErrorHasThePassword) {

@@ -1,6 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <random>
 #include <set>
 #include <utility>
 
@@ -8,7 +10,9 @@
 #include "tests/scenes/scenes.h"
 #include "tests/support/analytic_scenes.h"
 #include "tests/unit/plan/plan_scenes.h"
+#include "worker/plan/plan_rules.h"
 #include "worker/plan/probe.h"
+#include "worker/plan/scene_facts.h"
 #include "worker/scene/gltf_loader.h"
 
 namespace lumifold::plan {
@@ -343,6 +347,41 @@ TEST(PlanRules, RouletteCostsAHundredthOfTheAccuracyAtMost) {
   EXPECT_LE(noise(percent + 3), 1.01) << "the nearest step: half a step more would do";
   EXPECT_GT(noise(percent - 2), 1.01);
   EXPECT_LE(noise(percent), 1.02);
+}
+
+TEST(PlanRules, RouletteIsTheNearestStepForAnyPaths) {
+  std::mt19937 random(7);
+  const auto uniform = [&random] { return std::uniform_real_distribution<float>(0, 1)(random); };
+  const auto rule =
+      std::find_if(Rules().begin(), Rules().end(), [](const Rule& any) { return any.name == "roulette"; });
+  Plan so_far;
+  so_far.max_bounces = 8;
+  const PlanSettings settings = SettingsFor();
+  int decided = 0;
+  for (int i = 0; i < 40; ++i) {
+    Probe probe;
+    const float decline = 0.2f + 0.7f * uniform();
+    for (int path = 0; path < 50; ++path) {
+      std::vector<render::PathVertex> vertices(2 + random() % 6);
+      render::PathVertex vertex = {{}, 1, 0};
+      for (render::PathVertex& next : vertices) {
+        const float throughput = vertex.throughput * decline * uniform();
+        vertex = {vertex.gathered + scene::Vec3{1, 1, 1} * (vertex.throughput * uniform()), throughput,
+                  vertex.rays + 2};
+        next = vertex;
+      }
+      vertices.back().throughput = 0;
+      probe.paths.Add(vertices, {.light = 1, .outlier = 100});
+    }
+    const int percent = rule->decide({SceneFacts(), probe, settings}, so_far).value;
+    if (percent == 0) continue;
+    ++decided;
+    const double allowed = 1.01 * probe.paths.CostsWith({}).noise;
+    EXPECT_LE(probe.paths.CostsWith({.percent = percent + 3}).noise, allowed) << percent;
+    const double a_step_less = probe.paths.CostsWith({.percent = percent - 2}).noise;
+    EXPECT_TRUE(percent == 100 || a_step_less > allowed) << percent;
+  }
+  EXPECT_GT(decided, 20);
 }
 
 TEST(PlanRules, ARegionHasTheRouletteOfItsFrame) {

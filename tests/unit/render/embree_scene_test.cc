@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <limits>
+#include <set>
 #include <span>
 #include <thread>
 #include <vector>
@@ -92,6 +94,47 @@ TEST(EmbreeScene, PacketsAndSingleRaysHaveEqualHits) {
   }
   EXPECT_GT(hit_count, 50);
   EXPECT_LT(hit_count, 400);
+}
+
+TEST(EmbreeScene, AHitIsThePointOfItsTriangleOnTheRayAndKnowsItsFront) {
+  // Placed once, thus in world space, and twice, thus as instances; one of each is mirrored.
+  scene::Scene scene = RoomWithSheets();
+  scene::Affine mirror = {{-1.2f, 0.2f, 0}, {0, 0.9f, 0.3f}, {0.1f, 0, 0.8f}, {0.3f, 0, 0}};
+  ASSERT_LT(mirror.Determinant(), 0);
+  testing::Place(&scene, testing::SphereMesh(0.5f, 3, 0));
+  scene.instances.back().world_from_object = mirror;
+  for (size_t i = 0, count = scene.instances.size(); i < count; ++i) {
+    if (scene.instances[i].world_from_object.origin == scene::Vec3{0, 0, 0}) continue;
+    mirror.origin = scene.instances[i].world_from_object.origin;
+    scene.instances[i].world_from_object = mirror;
+    break;  // the other one stays as it is
+  }
+  const auto embree = EmbreeScene::Create(scene);
+  ASSERT_TRUE(embree.ok()) << embree.status();
+  std::set<int> seen, mirrored;
+  for (Ray ray : Bundle(800)) {
+    ray.max_distance = std::numeric_limits<float>::infinity();
+    if (ray.random_key % 2 == 0) ray.direction = -ray.direction;
+    const Hit hit = (*embree)->Intersect(ray);
+    if (hit.IsMiss()) continue;
+    seen.insert(hit.instance);
+    const scene::Instance& instance = scene.instances[static_cast<size_t>(hit.instance)];
+    const scene::Mesh& mesh = scene.meshes[static_cast<size_t>(instance.mesh)];
+    const auto corner = [&](size_t i) { return mesh.positions[mesh.triangles[3 * hit.triangle + i]]; };
+    const scene::Vec3 a = corner(0);
+    const scene::Vec3 along_b = corner(1) - a;
+    const scene::Vec3 along_c = corner(2) - a;
+    const scene::Affine& to_world = instance.world_from_object;
+    if (to_world.Determinant() < 0) mirrored.insert(hit.instance);
+    const scene::Vec3 point = to_world.Point(a + along_b * hit.u + along_c * hit.v);
+    EXPECT_LT(Length(point - (ray.origin + ray.direction * hit.distance)), 1e-4f) << hit.instance;
+    const scene::Vec3 in_front = to_world.Vector(Cross(along_b, along_c));
+    EXPECT_GT(Dot(hit.face_normal, in_front), 0) << hit.instance;
+    for (const scene::Vec3& edge : {along_b, along_c})
+      EXPECT_NEAR(Dot(Normalize(hit.face_normal), Normalize(to_world.Vector(edge))), 0, 1e-4f);
+  }
+  EXPECT_GE(seen.size(), 6u);
+  EXPECT_EQ(mirrored.size(), 2u);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <set>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -245,6 +246,28 @@ TEST(Fragments, AreIndependentOfTilesThreadsOrderAndOfWhatWasRenderedBefore) {
       EXPECT_EQ(all, expected) << size;
     }
   }
+}
+
+TEST(Fragments, AreOfThePixelsOfTheEdgeSetAlsoNextToALamp) {
+  scene::Scene room = Room();
+  testing::Place(&room, testing::QuadMesh({-0.3f, -0.3f, 0.3f}, {0.6f, 0, 0}, {0, 0.6f, 0}, 3));
+  const RenderSettings settings = SettingsOf(kListedWidth, kListedHeight);
+  const LayeredImage edges = MakeRenderer(room, settings)->RenderGeometry(kListedFrame, 0).edges;
+  const LayeredImage fragments = PassOf(*MakeRenderer(room, settings), kListedFrame).fragments;
+  const auto pixels_of = [](const LayeredImage& list) {
+    std::set<std::pair<float, float>> pixels;
+    for (int row = 0; row < list.height(); ++row)
+      pixels.emplace(list.Get(layers::kPixelX).At(0, row), list.Get(layers::kPixelY).At(0, row));
+    return pixels;
+  };
+  EXPECT_EQ(pixels_of(edges), pixels_of(fragments));
+  int of_lamp = 0;
+  const ConstFloatView red = edges.GetColor(layers::kEmission)[0];
+  for (int row = 0; row < edges.height(); ++row) {
+    const auto values = std::span(red.Row(row), static_cast<size_t>(kSubSamples));
+    of_lamp += std::any_of(values.begin(), values.end(), [](float value) { return value > 1; }) ? 1 : 0;
+  }
+  EXPECT_GT(of_lamp, 20);
 }
 
 TEST(Fragments, TheRaysThatFindEdgesAreNotCounted) {

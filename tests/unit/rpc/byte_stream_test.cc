@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <vector>
@@ -89,6 +90,20 @@ TEST(ByteStream, OffsetPastTheEndIsOutOfRange) {
   Write(folder.PathOf("from"), Content(100));
   EXPECT_EQ(ByteSender::Open(folder.PathOf("from"), 101).status().code(), absl::StatusCode::kOutOfRange);
   EXPECT_EQ(ByteSender::Open(folder.PathOf("none"), 0).status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST(ByteStream, AFileThatBecomesShorterWhileItIsSentIsDataLoss) {
+  TempFolder folder;
+  const std::string from = folder.PathOf("from");
+  for (const size_t left : {size_t{0}, kMaxChunkBytes, 2 * kMaxChunkBytes - 1}) {
+    Write(from, Content(2 * kMaxChunkBytes));
+    absl::StatusOr<ByteSender> sender = ByteSender::Open(from, 0);
+    ASSERT_TRUE(sender.ok());
+    v1::ByteChunk chunk;
+    ASSERT_TRUE(*sender->Next(&chunk));
+    std::filesystem::resize_file(from, left);
+    EXPECT_EQ(sender->Next(&chunk).status().code(), absl::StatusCode::kDataLoss) << left;
+  }
 }
 
 TEST(ByteStream, ReceiverRefusesWhatDoesNotFitAndWritesNothingOfIt) {

@@ -27,9 +27,11 @@
 #include <functional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "proto/sandbox/landlock.h"
+#include "tests/support/temp_folder.h"
 
 namespace lumifold::sandbox {
 namespace {
@@ -358,6 +360,26 @@ TEST_F(SandboxTest, IsNoSandboxForThreadsThatRunAlready) {
 TEST(DefaultMemory, IsMoreForMoreThreads) {
   EXPECT_GT(DefaultMemoryBytes(1), uint64_t{1} << 30);
   EXPECT_GT(DefaultMemoryBytes(8), DefaultMemoryBytes(1));
+}
+
+TEST(DefaultMemory, IsThatOfTheControlGroupWhereItIsLess) {
+  const TempFolder folder;
+  const uint64_t of_machine = DefaultMemoryBytes(1, folder.path());
+  constexpr uint64_t kLess = uint64_t{1} << 20;
+  std::filesystem::create_directory(folder.PathOf("memory"));
+  const std::vector<std::pair<std::string, bool>> limits = {// and whether they are less than the machine's
+                                                            {std::to_string(kLess), true},
+                                                            {"9223372036854771712", false},
+                                                            {"max", false}};
+  for (const char* file : {"memory.max", "memory/memory.limit_in_bytes"}) {
+    std::filesystem::remove(folder.PathOf("memory.max"));
+    for (const auto& [limit, is_less] : limits) {
+      std::ofstream(folder.PathOf(file)) << limit << "\n";
+      const uint64_t bytes = DefaultMemoryBytes(1, folder.path());
+      EXPECT_EQ(bytes < of_machine, is_less) << file << ": " << limit;
+      EXPECT_GT(bytes, kLess) << "what threads reserve comes in addition";
+    }
+  }
 }
 
 }  // namespace

@@ -106,6 +106,28 @@ TEST(Accessors, ApplySparseValues) {
   EXPECT_THAT(OnlyMesh(fixture).positions, ElementsAre(Vec3{0, 0, 0}, Vec3{5, 6, 7}, Vec3{0, 1, 0}));
 }
 
+TEST(Accessors, ApplySparseIndicesOfEveryWidth) {
+  for (const int component_type : {5121, 5123, 5125}) {
+    const size_t bytes = component_type == 5121 ? 1 : component_type == 5123 ? 2 : 4;
+    const auto view_of = [bytes](GltfFixture* fixture, const std::vector<int>& values) {
+      std::string data(values.size() * bytes, '\0');
+      for (size_t i = 0; i < values.size(); ++i) data[i * bytes] = static_cast<char>(values[i]);
+      return fixture->AddView(data);
+    };
+    GltfFixture fixture;
+    const int indices = fixture.Add("accessors", {{"bufferView", view_of(&fixture, {0, 1, 2, 2, 1, 0})},
+                                                  {"componentType", component_type},
+                                                  {"count", 6},
+                                                  {"type", "SCALAR"}});
+    fixture.json["accessors"][indices]["sparse"] = {
+        {"count", 2},
+        {"indices", {{"bufferView", view_of(&fixture, {1, 5})}, {"componentType", component_type}}},
+        {"values", {{"bufferView", view_of(&fixture, {3, 3})}}}};
+    fixture.AddTriangles({0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0}, {{"indices", indices}});
+    EXPECT_THAT(OnlyMesh(fixture).triangles, ElementsAre(0u, 3u, 2u, 2u, 1u, 3u)) << component_type;
+  }
+}
+
 TEST(Accessors, StartSparseValuesFromZeroWithoutABufferView) {
   GltfFixture fixture;
   fixture.AddTriangles(kTriangle);

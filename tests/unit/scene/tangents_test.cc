@@ -187,6 +187,19 @@ TEST(Tangents, FollowTheTextureTransform) {
   for (const Vec4& t : mesh.tangents) ExpectTangent(t, {0, -1, 0}, 1);
 }
 
+TEST(Tangents, UseTheCoordinatesOfTheirTexture) {
+  const std::vector<Vec2> upright = {{0, 1}, {1, 1}, {1, 0}, {0, 0}};
+  const std::vector<Vec2> mirrored = {{1, 1}, {0, 1}, {0, 0}, {1, 0}};
+  for (const int set : {0, 1}) {
+    Mesh both = FlatMesh(kSquare, mirrored, kSquareTriangles);
+    both.uvs[1] = mirrored;
+    both.uvs[set] = upright;
+    TextureRef ref;
+    ref.uv_set = set;
+    for (const Vec4& t : Generated(both, ref).tangents) ExpectTangent(t, {1, 0, 0}, 1);
+  }
+}
+
 /// A textured square; `attributes` are added to its primitive, `material` to its material.
 GltfFixture TexturedSquare(const nlohmann::json& material) {
   GltfFixture fixture;

@@ -22,7 +22,8 @@
 
 namespace lumifold::server {
 
-/// A data folder with committed frames, as written by a coordinator. The units are RandomUnits of seed 1.
+/// A data folder with committed frames, as written by a coordinator. The units are RandomUnits of seed 1
+/// without rays, unless a test says otherwise.
 class CommittedFrameFixture : public ::testing::Test {
  protected:
   CommittedFrameFixture() {
@@ -59,11 +60,13 @@ class CommittedFrameFixture : public ::testing::Test {
     for (int64_t i = 0; i < units.count(); ++i) {
       const job::UnitKey key = units.KeyOf(0, is_forward ? i : units.count() - 1 - i);
       if (!has(key)) continue;
-      const film::StoredUnit unit{
+      const uint32_t seed = seed_of_ ? seed_of_(key) : 1;
+      film::StoredUnit unit{
           {id, key},
           job::Attempt(1),
           {},
-          RandomUnit(key, units.tiles().RectOf(key.tile), SamplesOf(spec, units, key), 1)};
+          RandomUnit(key, units.tiles().RectOf(key.tile), SamplesOf(spec, units, key), seed)};
+      if (rays_of_) unit.stats.set_rays(rays_of_(key));
       const film::RecordPlace place = *log->Append(Encoded(unit));
       ledger::UnitRecord& record = commit.units.emplace_back();
       record.unit = unit.unit;
@@ -87,6 +90,10 @@ class CommittedFrameFixture : public ::testing::Test {
     std::ifstream file(folder_.ResultPath(id, 0), std::ios::binary);
     return {std::istreambuf_iterator<char>(file), {}};
   }
+
+  /// Of a unit, where they are set.
+  std::function<uint32_t(const job::UnitKey&)> seed_of_;
+  std::function<int64_t(const job::UnitKey&)> rays_of_;
 
   TempFolder temp_;
   const DataFolder folder_{temp_.PathOf("data")};

@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
 #include "proto/logging/fields.h"
+#include "tests/unit/server/coordinator_fixture.h"
 
 namespace lumifold::server {
 namespace {
@@ -19,6 +20,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::StartsWith;
 
 std::vector<std::string> Texts(const std::vector<v1::LogEvent>& events) {
   std::vector<std::string> texts;
@@ -156,6 +158,29 @@ TEST(EventLog, TheLoggerKeepsLinesFromInfoOn) {
   EXPECT_THAT(Texts(events.OfJob("j", 9)), ElementsAre("event=two job=j", "event=three job=j"));
   EXPECT_EQ(events.OfJob("j", 9)[1].level(), "error");
   EXPECT_THAT(text.str(), HasSubstr("event=one"));
+}
+
+class EventLogTest : public CoordinatorFixture {};
+
+TEST_F(EventLogTest, OfTooManyLongLinesTheNewestThatFitAMessageAreAnswered) {
+  EventLog log;
+  options_.job_log.events = &log;
+  ASSERT_TRUE(Start().ok());
+  constexpr size_t kLines = 900;
+  const std::string text(8192, 'x');
+  for (size_t i = 0; i < kLines; ++i) Add(&log, 0, absl::StrCat("event=e", i, " job=j ", text));
+  v1::GetLogRequest request;
+  request.set_job_id("j");
+  request.set_limit(kLines);
+  const absl::StatusOr<v1::GetLogResponse> response = coordinator_->jobs().GetLog(request);
+  ASSERT_TRUE(response.ok()) << response.status();
+  const auto count = static_cast<size_t>(response->events_size());
+  EXPECT_NEAR(static_cast<double>(count * text.size()), 3 << 20, 1 << 16);
+  for (size_t i = 0; i < count; ++i) {
+    EXPECT_THAT(response->events(static_cast<int>(i)).text(),
+                StartsWith(absl::StrCat("event=e", kLines - count + i, " ")));
+  }
+  Stop();
 }
 
 }  // namespace

@@ -106,6 +106,36 @@ TEST_F(PlanUnitTest, WithoutStorageThePlanWaits) {
   EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
 }
 
+/// Calls `before` when a plan is about to be recorded.
+class PlanWatchingStore final : public StoreWrapper {
+ public:
+  PlanWatchingStore(std::unique_ptr<ledger::JobStore> store, std::function<void()> before)
+      : StoreWrapper(std::move(store)), before_(std::move(before)) {}
+
+ private:
+  absl::Status Before(const std::string& call) override {
+    if (call == "SetPlan") before_();
+    return absl::OkStatus();
+  }
+
+  const std::function<void()> before_;
+};
+
+TEST_F(PlanUnitTest, AJobMayEndWhileItsPlanIsRecorded) {
+  job::JobId job;
+  wrap_store_ = [&](std::unique_ptr<ledger::JobStore> store) {
+    return std::make_unique<PlanWatchingStore>(std::move(store), [&] {
+      coordinator_->changes().CancelJob(job.value(), [](const absl::StatusOr<v1::JobStatus>&) {});
+    });
+  };
+  ASSERT_TRUE(Start().ok());
+  job = Submit(UnplannedSpec());
+  PumpedWorker worker(coordinator_.get(), 2);
+  worker.DeliverPlan(MadeUpPlan());
+  Await([&] { return coordinator_->jobs().GetJob(job.value())->state() == v1::JOB_STATE_CANCELLED; });
+  EXPECT_EQ(worker.leases(), 0);
+}
+
 TEST_F(PlanUnitTest, ARestartBeforeThePlanIsCommittedPlansAgain) {
   ASSERT_TRUE(Start().ok());
   const job::JobId job = Submit(UnplannedSpec());

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
 #include "server/commit/recover.h"
+#include "server/film/unit_record.h"
 #include "tests/unit/server/coordinator_fixture.h"
 #include "tests/unit/server/store_wrapper.h"
 
@@ -64,6 +65,23 @@ class RecoveryTest : public CoordinatorFixture {
   std::string expected_;
   job::JobId done_;
 };
+
+TEST_F(RecoveryTest, ARecordOfAnotherVersionFailsItsJobAndTheOthersGoOn) {
+  const job::JobId mixed = Submit(Spec(3), "mixed");
+  RenderSome(2);
+  Stop();
+  film::RecordPreamble preamble;
+  ++preamble.magic.back();
+  std::ofstream(LogOf(mixed), std::ios::binary | std::ios::app)
+      .write(reinterpret_cast<const char*>(&preamble), sizeof preamble);
+  ASSERT_TRUE(Start().ok());
+  const auto status = [&] { return *coordinator_->jobs().GetJob(mixed.value()); };
+  Await([&] { return status().state() == v1::JOB_STATE_FAILED; });
+  EXPECT_THAT(status().error(), HasSubstr("another version of Lumifold"));
+  const job::JobId other = Submit(Spec(3), "other");
+  PumpedWorker worker(coordinator_.get(), 2);
+  EXPECT_EQ(Finish(other, &worker).state(), v1::JOB_STATE_DONE);
+}
 
 TEST_F(RecoveryTest, RecordsThatTheLedgerDoesNotKnowAreCommittedAtTheStart) {
   const job::JobId job = Submit(Spec(3));

@@ -207,5 +207,24 @@ TEST_F(StorageOutageTest, ACoordinatorThatStopsWithoutRoomLosesNothingAcknowledg
   EXPECT_EQ(Result(job), expected);
 }
 
+TEST_F(StorageOutageTest, ABlockThatIsNotRecordedIsNotInForce) {
+  ASSERT_TRUE(Start().ok());
+  const PumpedWorker worker(coordinator_.get(), 1, "ann");
+  OperatorApi& operators = coordinator_->operators();
+  v1::WorkerRequest ann;
+  ann.set_worker("ann");
+  const auto state = [&] { return operators.ListWorkers({})->workers(0).state(); };
+  fault_.Set("BlockWorker");
+  EXPECT_TRUE(absl::IsResourceExhausted(operators.BlockWorker(ann).status()));
+  EXPECT_EQ(state(), v1::WORKER_STATE_IDLE);
+  fault_.Set("ReadmitWorker");
+  ASSERT_TRUE(operators.BlockWorker(ann).ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(operators.ReadmitWorker(ann).status()));
+  EXPECT_EQ(state(), v1::WORKER_STATE_BLOCKED) << "as it would be after a restart";
+  fault_.Set("");
+  ASSERT_TRUE(operators.ReadmitWorker(ann).ok());
+  EXPECT_EQ(state(), v1::WORKER_STATE_IDLE);
+}
+
 }  // namespace
 }  // namespace lumifold::server

@@ -100,6 +100,9 @@ class GrpcFarmClient : public FarmClient {
   absl::StatusOr<v1::JobStatus> ResumeJob(const std::string& job_id) override {
     return Unary<v1::JobStatus>(kShortCall, &Stub::ResumeJob, OfJob<v1::ResumeJobRequest>(job_id));
   }
+  absl::StatusOr<v1::JobStatus> MoveJobToFront(const std::string& job_id) override {
+    return Unary<v1::JobStatus>(kShortCall, &Stub::MoveJobToFront, OfJob<v1::MoveJobToFrontRequest>(job_id));
+  }
   absl::StatusOr<v1::JobStatus> SetJobPriority(const std::string& job_id, int priority) override {
     auto request = OfJob<v1::SetJobPriorityRequest>(job_id);
     request.set_priority(priority);

@@ -163,6 +163,10 @@ void OperatorCalls::Reschedule(Farm* farm, ActiveJob* active, const v1::Scheduli
     resources_->log().info("event=job_priority job={} priority={}", job.value(), scheduling.priority());
     farm->scheduler.jobs().SetPriority(job, scheduling.priority());
   }
+  if (scheduling.turn_ms() != before.turn_ms()) {
+    resources_->log().info("event=job_moved_to_front job={}", job.value());
+    farm->scheduler.jobs().SetTurn(job, scheduling.turn_ms());
+  }
   farm->watchers.MarkChanged(job);
 }
 
@@ -172,6 +176,15 @@ absl::StatusOr<v1::JobStatus> OperatorCalls::PauseJob(const std::string& job_id)
 
 absl::StatusOr<v1::JobStatus> OperatorCalls::ResumeJob(const std::string& job_id) {
   return ChangeScheduling(job_id, [](v1::Scheduling* scheduling) { scheduling->set_paused(false); });
+}
+
+absl::StatusOr<v1::JobStatus> OperatorCalls::MoveJobToFront(const std::string& job_id) {
+  return ChangeScheduling(job_id, [&](v1::Scheduling* scheduling) {
+    const FarmState::View farm(state_);
+    if (!farm->scheduler.jobs().Has(JobId(job_id))) return;
+    const int64_t first = farm->scheduler.jobs().TurnOfFirst(JobId(job_id));
+    scheduling->set_turn_ms(first - 1);
+  });
 }
 
 absl::StatusOr<v1::JobStatus> OperatorCalls::SetJobPriority(const v1::SetJobPriorityRequest& request) {

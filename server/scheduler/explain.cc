@@ -40,7 +40,8 @@ std::string Seconds(absl::Duration duration) {
 /// "user ann has 12 leases, user ben 3", the users with the most ones.
 std::string BusiestUsers(const State& state) {
   std::map<std::string, int64_t> leases;
-  for (const auto& [number, job] : state.jobs.all()) leases[state.ready.UserOf(number)] += job.leases.count;
+  for (const auto& [number, job] : state.jobs.all())
+    leases[state.ready.share().UserOf(number)] += job.leases.count;
   std::vector<std::pair<int64_t, std::string>> users;
   users.reserve(leases.size());
   for (const auto& [user, count] : leases) users.emplace_back(-count, user);
@@ -72,7 +73,16 @@ void ExplainWorkers(const State& state, const Job& job, std::vector<Reason>* rea
       {"slots_busy", absl::StrCat("all ", workers.slots, " slots of the ", workers.available,
                                   " workers that may render the job are busy: it has ", job.leases.count,
                                   " leases, ", BusiestUsers(state), "; the share of its user is ",
-                                  std::lround(100 * state.ready.ShareOfUser(job.number)), " %")});
+                                  std::lround(100 * state.ready.share().ShareOfUser(job.number)), " %")});
+}
+
+void ExplainTurn(const State& state, const Job& job, std::vector<Reason>* reasons) {
+  const std::set<FairShare::Turn> before = state.ready.share().TurnsBefore(job.number);
+  if (before.empty()) return;
+  reasons->push_back(
+      {"turn", absl::StrCat(before.size(), before.size() == 1 ? " job" : " jobs",
+                            " of its user with the same priority come", before.size() == 1 ? "s" : "",
+                            " first, the next is ", state.jobs.Get(before.begin()->second).id.value())});
 }
 
 void ExplainLimits(const State& state, const Job& job, std::vector<Reason>* reasons) {
@@ -140,6 +150,7 @@ std::vector<Reason> Explain(const State& state, const JobId& id, absl::Time now)
   if (job->paused) reasons.push_back({"paused", "the job is paused"});
   if (job->frames.committed_units() < job->units.total()) {
     ExplainWorkers(state, *job, &reasons);
+    ExplainTurn(state, *job, &reasons);
     ExplainLimits(state, *job, &reasons);
     ExplainFailures(state, *job, now, &reasons);
     ExplainOverdue(state, *job, now, &reasons);

@@ -13,8 +13,7 @@ Jobs::Jobs(State* state, Frames* frames, Leasing* leasing)
 
 void Jobs::Add(const JobId& id, const v1::JobSpec& spec, const JobOptions& options) {
   Job& job = state_->jobs.Add(id, spec, options);
-  state_->ready.Add(job.number, options.user, options.priority,
-                    Requirement::Of(options.numeric_class, options.tags));
+  state_->ready.Add(job.number, options);
   state_->UpdateReady(job);
 }
 
@@ -58,6 +57,14 @@ void Jobs::Resume(const JobId& id) {
 void Jobs::SetPriority(const JobId& id, int priority) {
   if (const Job* job = state_->jobs.Find(id); job != nullptr)
     state_->ready.SetPriority(job->number, priority);
+}
+
+void Jobs::SetTurn(const JobId& id, int64_t turn) {
+  if (const Job* job = state_->jobs.Find(id); job != nullptr) state_->ready.SetTurn(job->number, turn);
+}
+
+int64_t Jobs::TurnOfFirst(const JobId& id) const {
+  return state_->ready.share().FirstTurn(state_->jobs.Get(id).number);
 }
 
 JobProgress Jobs::Progress(const JobId& id) const {

@@ -39,10 +39,11 @@ struct SchedulerOptions {
   /// gets no leases for `cool_down`.
   int max_attributed_jobs = 2;
   absl::Duration cool_down = absl::Minutes(5);
-  /// A worker goes on with the job it rendered last, whose scene it has loaded, while the job and its user
-  /// are ahead of their shares by no more than this.
+  /// A worker goes on with the job it rendered last, whose scene it has loaded, while its user and priority
+  /// are ahead of their shares by no more than this, and none of their other jobs comes first.
   FairShare::Tolerance locality{};
-  /// A ready job that has waited this long gets every eighth lease, whatever its share.
+  /// The first ready job of a user and priority that have waited this long gets every eighth lease, whatever
+  /// its share.
   absl::Duration longest_wait = absl::Minutes(10);
   /// A unit is late when it has been leased for longer than `late_factor` times the mean of its job and kind,
   /// or at once if its worker is slow. Late units are leased a second time to idle slots that are expected to
@@ -57,6 +58,8 @@ struct SchedulerOptions {
 /// How a job is scheduled; nothing here changes the picture. v1::Scheduling documents the fields.
 struct JobOptions {
   int priority = 0;
+  /// Jobs of one user and priority get units in the order of their turns, then in that of their arrival.
+  int64_t turn = 0;
   std::string user{};
   std::vector<std::string> tags{};  // in any order
   int max_leases = 0;               // 0: no limit

@@ -299,6 +299,7 @@ std::vector<std::string> Seeds() {
   priority.set_job_id(job);
   priority.set_priority(10);
   seeds.push_back(Call("SetJobPriority", {priority.SerializeAsString()}));
+  seeds.push_back(Call("MoveJobToFront", {priority.SerializeAsString()}));
   v1::WorkerRequest worker;
   worker.set_worker("fuzz");
   worker.set_reason("made up");

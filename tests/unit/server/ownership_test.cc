@@ -96,6 +96,7 @@ class OwnershipTest : public GateFixture {
     answers["DownloadResult"] = Download(caller, job);
     answers["PauseJob"] = OfJob(caller, job, &Stub::PauseJob);
     answers["ResumeJob"] = OfJob(caller, job, &Stub::ResumeJob);
+    answers["MoveJobToFront"] = OfJob(caller, job, &Stub::MoveJobToFront);
     answers["SetJobPriority"] = OfJob(caller, job, &Stub::SetJobPriority);
     answers["AddSamples"] = OfJob(caller, job, &Stub::AddSamples);
     answers["RetryJob"] = OfJob(caller, job, &Stub::RetryJob);

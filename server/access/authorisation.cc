@@ -51,7 +51,6 @@ constexpr std::array kRules = {
     Rule{"/lumifold.v1.FarmService/GetServerStatus", kReaders},
     Rule{"/lumifold.v1.FarmService/ListJobs", kReadersOfJobs},
     Rule{"/lumifold.v1.FarmService/ListWorkers", kReaders},
-    Rule{"/lumifold.v1.FarmService/MoveJobToFront", kOwners, kChanges},
     Rule{"/lumifold.v1.FarmService/PauseJob", kOwners, kChanges},
     Rule{"/lumifold.v1.FarmService/ReadmitWorker", kAdmins, kChanges},
     Rule{"/lumifold.v1.FarmService/ResumeJob", kOwners, kChanges},

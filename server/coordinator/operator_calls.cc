@@ -178,19 +178,14 @@ absl::StatusOr<v1::JobStatus> OperatorCalls::ResumeJob(const std::string& job_id
   return ChangeScheduling(job_id, [](v1::Scheduling* scheduling) { scheduling->set_paused(false); });
 }
 
-absl::StatusOr<v1::JobStatus> OperatorCalls::MoveJobToFront(const std::string& job_id) {
-  return ChangeScheduling(job_id, [&](v1::Scheduling* scheduling) {
-    const FarmState::View farm(state_);
-    if (!farm->scheduler.jobs().Has(JobId(job_id))) return;
-    const int64_t first = farm->scheduler.jobs().TurnOfFirst(JobId(job_id));
-    scheduling->set_turn_ms(first - 1);
-  });
-}
-
 absl::StatusOr<v1::JobStatus> OperatorCalls::SetJobPriority(const v1::SetJobPriorityRequest& request) {
   if (absl::Status status = job::CheckPriority(request.priority()); !status.ok()) return status;
-  return ChangeScheduling(request.job_id(),
-                          [&](v1::Scheduling* scheduling) { scheduling->set_priority(request.priority()); });
+  return ChangeScheduling(request.job_id(), [&](v1::Scheduling* scheduling) {
+    if (!request.to_front()) return scheduling->set_priority(request.priority());
+    const JobId job(request.job_id());
+    const FarmState::View farm(state_);
+    if (farm->scheduler.jobs().Has(job)) scheduling->set_turn_ms(farm->scheduler.jobs().TurnOfFirst(job) - 1);
+  });
 }
 
 absl::StatusOr<v1::ListWorkersResponse> OperatorCalls::ListWorkers(const v1::ListWorkersRequest& request) {

@@ -23,7 +23,6 @@ class OperatorCalls final : public OperatorApi {
 
   absl::StatusOr<v1::JobStatus> PauseJob(const std::string& job_id) override;
   absl::StatusOr<v1::JobStatus> ResumeJob(const std::string& job_id) override;
-  absl::StatusOr<v1::JobStatus> MoveJobToFront(const std::string& job_id) override;
   absl::StatusOr<v1::JobStatus> SetJobPriority(const v1::SetJobPriorityRequest& request) override;
   absl::StatusOr<v1::ListWorkersResponse> ListWorkers(const v1::ListWorkersRequest& request) override;
   absl::StatusOr<v1::WorkerStatus> DrainWorker(const v1::WorkerRequest& request) override;

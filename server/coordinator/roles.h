@@ -97,7 +97,6 @@ class OperatorApi {
   virtual ~OperatorApi() = default;
   virtual absl::StatusOr<v1::JobStatus> PauseJob(const std::string& job_id) = 0;
   virtual absl::StatusOr<v1::JobStatus> ResumeJob(const std::string& job_id) = 0;
-  virtual absl::StatusOr<v1::JobStatus> MoveJobToFront(const std::string& job_id) = 0;
   virtual absl::StatusOr<v1::JobStatus> SetJobPriority(const v1::SetJobPriorityRequest& request) = 0;
   virtual absl::StatusOr<v1::ListWorkersResponse> ListWorkers(const v1::ListWorkersRequest& request) = 0;
   virtual absl::StatusOr<v1::WorkerStatus> DrainWorker(const v1::WorkerRequest& request) = 0;

@@ -25,10 +25,10 @@ constexpr absl::Duration kCallTime = absl::Seconds(30);
 /// one job may make.
 const std::map<std::string_view, bool>& PageCalls() {
   static const auto& calls = *new std::map<std::string_view, bool>{
-      {"AddSamples", false},    {"BlockWorker", false}, {"CancelJob", false},      {"DrainWorker", false},
-      {"ExplainJob", true},     {"GetJob", true},       {"GetLog", true},          {"GetServerStatus", false},
-      {"ListJobs", false},      {"ListWorkers", false}, {"MoveJobToFront", false}, {"PauseJob", false},
-      {"ReadmitWorker", false}, {"ResumeJob", false},   {"RetryJob", false},       {"SetJobPriority", false},
+      {"AddSamples", false}, {"BlockWorker", false}, {"CancelJob", false},      {"DrainWorker", false},
+      {"ExplainJob", true},  {"GetJob", true},       {"GetLog", true},          {"GetServerStatus", false},
+      {"ListJobs", false},   {"ListWorkers", false}, {"PauseJob", false},       {"ReadmitWorker", false},
+      {"ResumeJob", false},  {"RetryJob", false},    {"SetJobPriority", false},
   };
   return calls;
 }

@@ -13,6 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "server/scheduler/disputes.h"
 
 namespace lumifold::scheduler {
 
@@ -116,7 +117,7 @@ void ExplainFailures(const State& state, const Job& job, absl::Time now, std::ve
                       job::Describe(state.jobs.RefOf(*first)))});
   }
   std::vector<std::string> cooling;
-  for (const WorkerId worker : state.health.FailedWorkersOf(job.number)) {
+  for (const WorkerId worker : state.evidence.FailedWorkersOf(job.number)) {
     if (!state.health.CoolDownReason(worker).empty() && cooling.size() < kMaxNames)
       cooling.push_back(state.workers.Find(worker)->traits.name);
   }
@@ -125,6 +126,28 @@ void ExplainFailures(const State& state, const Job& job, absl::Time now, std::ve
         {"worker_set_aside",
          absl::StrCat("workers that failed units of the job are set aside: ", absl::StrJoin(cooling, ", "))});
   }
+}
+
+void ExplainDispute(const State& state, const Job& job, absl::Time now, std::vector<Reason>* reasons) {
+  const std::optional<UnitIndex> unit = state.evidence.FirstDispute(job.number);
+  if (!unit.has_value()) return;
+  const Evidence::Record& record = *state.evidence.Find(*unit);
+  std::vector<std::string> parties;
+  for (const auto& [party, statement] : record.statements) {
+    if (statement.impossible && parties.size() < kMaxNames) parties.push_back(party);
+  }
+  const std::string who =
+      absl::StrCat(parties.size() == 1 ? "worker " : "workers ", absl::StrJoin(parties, ", "));
+  std::string next = "another worker is asked";
+  if (!Disputes::CanAskAnother(state, *unit)) {
+    next =
+        record.Witnesses() > 0 || record.Parties() > 1
+            ? absl::StrCat("the job fails in ", Seconds(record.due - now), " unless another worker connects")
+            : absl::StrCat("the job waits for another worker, because this one has delivered nothing yet");
+  }
+  reasons->push_back(
+      {"second_opinion", absl::StrCat(who, " cannot render ", job::Describe(state.jobs.RefOf(*unit)), " (",
+                                      record.last_error, "); ", next)});
 }
 
 void ExplainOverdue(const State& state, const Job& job, absl::Time now, std::vector<Reason>* reasons) {
@@ -153,6 +176,7 @@ std::vector<Reason> Explain(const State& state, const JobId& id, absl::Time now)
     ExplainTurn(state, *job, &reasons);
     ExplainLimits(state, *job, &reasons);
     ExplainFailures(state, *job, now, &reasons);
+    ExplainDispute(state, *job, now, &reasons);
     ExplainOverdue(state, *job, now, &reasons);
   }
   if (const int64_t audits = state.audits.CountsOf(job->number).open; audits > 0) {

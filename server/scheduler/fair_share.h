@@ -94,7 +94,7 @@ class FairShare {
   bool IsNear(int64_t job, const Candidate& first, const Tolerance& tolerance) const;
   /// The queue of the job; null for none.
   const Queue* QueueOf(int64_t job) const { return jobs_.at(job).queue; }
-  /// The turns of the jobs of the same user and priority that are ready, if they come before the job. O(jobs).
+  /// The turns before the job's, of ready jobs of the same user and priority. O(jobs).
   std::set<Turn> TurnsBefore(int64_t job) const;
   /// The least turn of the jobs of the same user and priority, ready or not. O(jobs).
   int64_t FirstTurn(int64_t job) const;

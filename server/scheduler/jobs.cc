@@ -31,7 +31,7 @@ void Jobs::End(const JobId& id) {
   state_->quarantine.EndJob(number);
   state_->audits.EndJob(number);
   state_->second_leases.ForgetTimes(number);
-  state_->health.EndJob(number);
+  state_->evidence.EndJob(number);
   state_->backoffs.ForgetJob(number);
   state_->ready.Remove(number);
   state_->jobs.Remove(number);

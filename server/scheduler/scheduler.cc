@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "server/scheduler/explain.h"
 
@@ -11,10 +12,11 @@ Scheduler::Scheduler(const SchedulerOptions& options)
     : state_(options),
       leasing_(&state_),
       frames_(&state_),
-      watch_(&state_, &leasing_),
+      disputes_(&state_),
+      watch_(&state_, &leasing_, &disputes_),
       workers_(&state_, &leasing_, &watch_),
       audits_(&state_, &frames_, &leasing_, &workers_),
-      units_(&state_, &frames_, &leasing_, &audits_),
+      units_(&state_, &frames_, &leasing_, &audits_, &disputes_),
       jobs_(&state_, &frames_, &leasing_),
       grants_(&state_, &frames_, &leasing_) {}
 
@@ -23,12 +25,16 @@ std::vector<LateLease> Scheduler::ExpireLeases(absl::Time now) {
   units_.EndPauses(now);
   audits_.Expire(now);
   state_.health.EndCoolDowns(now);
-  return watch_.Expire(now);
+  std::vector<LateLease> late = watch_.Expire(now);
+  disputes_.Expire(now);
+  return late;
 }
+
+std::vector<FailedJob> Scheduler::TakeFailedJobs() { return std::exchange(state_.failed, {}); }
 
 absl::Time Scheduler::NextExpiry() const {
   return std::min({state_.leases.NextTime(), state_.workers.NextCooled(), state_.audits.NextDue(),
-                   state_.backoffs.NextEnd()});
+                   state_.backoffs.NextEnd(), state_.evidence.NextDue()});
 }
 
 std::vector<Reason> Scheduler::Explain(const job::JobId& job, absl::Time now) const {

@@ -18,7 +18,8 @@ State::State(const SchedulerOptions& scheduler_options)
       ready(options, &workers),
       second_leases(options),
       audits(options.audit_patience),
-      quarantine(options.max_lost_workers, &workers),
+      quarantine(options.disputes.max_lost_workers, &workers),
+      evidence(options),
       health(options, &workers),
       backoffs(options) {}
 

@@ -18,6 +18,21 @@
 /// What goes into the scheduler and comes out of it.
 namespace lumifold::scheduler {
 
+/// When a unit that fails again and again fails its job, see Disputes.
+struct DisputeOptions {
+  /// A party that has failed a unit this many times calls it impossible.
+  int max_failures = 3;
+  /// A unit with which this many parties were lost, or twice as many times any, is in quarantine: it is
+  /// leased once more, to a worker that then renders nothing else. If that is lost too, all these parties
+  /// call the unit impossible.
+  int max_lost_workers = 3;
+  /// Parties, or witnesses among them, that fail a job if they call one of its units impossible.
+  int deciding_parties = 3;
+  int deciding_witnesses = 2;
+  /// How long others are waited for who might render a unit that was called impossible.
+  absl::Duration patience = absl::Minutes(1);
+};
+
 struct SchedulerOptions {
   /// Time from the grant or renewal of a lease to its expiry.
   absl::Duration lease = absl::Seconds(30);
@@ -28,11 +43,7 @@ struct SchedulerOptions {
   /// accepted units of its job and kind, and for longer than `overdue_least`.
   double overdue_factor = 4;
   absl::Duration overdue_least = absl::Seconds(10);
-  /// A job fails when one of its units has failed this many times.
-  int max_failures = 3;
-  /// A unit with which this many workers were lost, or twice as many times any, is in quarantine: it is
-  /// leased once more, to a worker that then renders nothing else. If that is lost too, the job fails.
-  int max_lost_workers = 3;
+  DisputeOptions disputes{};
   /// How long a failed unit waits before it is leased again, by the number of its failures.
   retry::Pauses backoff = {.first = absl::Seconds(1), .longest = absl::Seconds(60)};
   /// A worker that failed units of this many jobs within `cool_down`, each rendered by another worker since,
@@ -80,6 +91,8 @@ JobOptions OptionsOf(const v1::Scheduling& scheduling);
 struct WorkerTraits {
   /// Whom losses and failures count against, over all its connections. Empty: the worker's id.
   std::string name{};
+  /// Workers of one party may err together: their word counts once. Empty: the name.
+  std::string party{};
   std::string numeric_class{};
   /// The same while the process lives, over all its connections, and of no other process; 0: not known.
   uint64_t instance = 0;
@@ -125,10 +138,16 @@ struct GrantedLease {
   bool audit = false;
 };
 
-/// A job that cannot go on; the caller ends it with this error.
+/// A job that cannot go on, see Disputes; the caller ends it with this error.
 struct FailedJob {
   job::JobId job;
   std::string error;
+};
+
+/// What a worker says of a unit that it could not render.
+struct UnitFailure {
+  bool permanent = false;  // every worker would have it
+  std::string error{};     // one line
 };
 
 /// A lease as its worker reports it in a heartbeat.
@@ -206,8 +225,6 @@ struct LateLease {
   job::UnitRef unit;
   job::WorkerId worker;
   Lateness lateness = Lateness::kSilent;
-  /// Not empty: the job cannot go on, and the caller ends it with this error.
-  std::string job_error;
 };
 
 /// Outcome of the delivery of a unit.
@@ -217,13 +234,6 @@ enum class Completion {
   kDuplicate,  // the unit is already accepted or committed
   kStale,      // the lease has ended or belongs to another worker
   kUnknown,    // no such unit, or the job has ended
-};
-
-/// Outcome of the failure of a unit.
-enum class FailureOutcome {
-  kRetried,   // the unit will be leased again
-  kJobFails,  // too many failures, or two workers say that it is permanent: the caller ends the job
-  kIgnored,   // the lease had ended already
 };
 
 /// Progress of an active job.

@@ -13,8 +13,8 @@ using job::JobId;
 using job::UnitRef;
 using job::WorkerId;
 
-Units::Units(State* state, Frames* frames, Leasing* leasing, Audits* audits)
-    : state_(state), frames_(frames), leasing_(leasing), audits_(audits) {}
+Units::Units(State* state, Frames* frames, Leasing* leasing, Audits* audits, Disputes* disputes)
+    : state_(state), frames_(frames), leasing_(leasing), audits_(audits), disputes_(disputes) {}
 
 bool Units::HoldsLease(WorkerId worker, const UnitRef& unit, Attempt attempt) const {
   return state_->FindLease(worker, unit, attempt) != nullptr;
@@ -62,7 +62,11 @@ void Units::OnAccepted(const Lease& lease, absl::Time now) {
     if (mean.has_value() && *mean > absl::ZeroDuration()) SecondLeases::Rate(time, *mean, &changed);
   });
   CountTime(lease, now);
-  state_->health.AttributeFailures(lease.unit, lease.worker, now);
+  if (const Worker& worker = *state_->workers.Find(lease.worker); worker.units_done == 1)
+    state_->evidence.AddWitness(worker.traits.party);
+  for (const WorkerId failed : state_->evidence.Refute(lease.unit)) {
+    if (failed != lease.worker) state_->health.Attribute(failed, lease.unit.job, now);
+  }
   state_->backoffs.End(lease.unit);
   RevokeOtherLeases(lease.unit);
 }
@@ -108,30 +112,30 @@ void Units::Bind(Job& job, const std::string& numeric_class) {
   }
 }
 
-FailureOutcome Units::Fail(WorkerId worker, const UnitRef& unit, Attempt attempt, bool permanent,
-                           absl::Time now) {
+bool Units::Fail(WorkerId worker, const UnitRef& unit, Attempt attempt, const UnitFailure& failure,
+                 absl::Time now) {
   state_->SetTime(now);
-  if (!HoldsLease(worker, unit, attempt)) return FailureOutcome::kIgnored;
+  if (!HoldsLease(worker, unit, attempt)) return false;
   const Lease lease = leasing_->Remove(attempt);
   if (lease.audit) {
     audits_->Decline(lease.unit, worker);
     leasing_->ReleaseSlot(worker);
-    return FailureOutcome::kRetried;
+    return true;
   }
-  const WorkerHealth::Failures& failures = state_->health.CountFailure(lease.unit, worker, permanent);
+  const int failures = state_->evidence
+                           .AddFailure(lease.unit, worker, *state_->workers.Find(worker), failure.permanent,
+                                       failure.error, now)
+                           .failures;
   state_->workers.Change(worker, [](Worker& changed) { ++changed.units_failed; });
   leasing_->ReleaseSlot(worker);
-  const bool first_opinion = permanent && failures.permanent_by.size() == 1;
   if (leasing_->MayReturn(lease.unit)) {
-    ReturnAfter(lease.unit,
-                first_opinion ? absl::ZeroDuration() : state_->backoffs.LengthAfter(failures.count), now);
+    // Whoever calls it impossible gets it no more: another one is asked at once.
+    ReturnAfter(lease.unit, failure.permanent ? absl::ZeroDuration() : state_->backoffs.LengthAfter(failures),
+                now);
     leasing_->CountRetry(RetryReason::kFailed);
   }
-  const bool agreed = failures.permanent_by.size() >= 2;
-  const bool unopposed =
-      permanent && !state_->workers.HasOther(worker, state_->ready.RequirementOf(lease.unit.job));
-  return agreed || unopposed || failures.count >= state_->options.max_failures ? FailureOutcome::kJobFails
-                                                                               : FailureOutcome::kRetried;
+  disputes_->Judge(lease.unit, now);
+  return true;
 }
 
 void Units::ReturnAfter(const UnitIndex& unit, absl::Duration pause, absl::Time now) {

@@ -11,6 +11,7 @@
 #include "server/job/ids.h"
 #include "server/job/unit.h"
 #include "server/scheduler/audits.h"
+#include "server/scheduler/disputes.h"
 #include "server/scheduler/frames.h"
 #include "server/scheduler/leasing.h"
 #include "server/scheduler/state.h"
@@ -33,7 +34,7 @@ namespace lumifold::scheduler {
 class Units {
  public:
   /// All must outlive it.
-  Units(State* state, Frames* frames, Leasing* leasing, Audits* audits);
+  Units(State* state, Frames* frames, Leasing* leasing, Audits* audits, Disputes* disputes);
 
   bool HoldsLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
   /// Sample indices of a unit that is leased or accepted.
@@ -44,10 +45,9 @@ class Units {
   /// where no job is audited.
   Completion Complete(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt, absl::Time now,
                       absl::string_view digest = "");
-  /// Records that a worker could not render a unit. A permanent failure, which every worker would have, ends
-  /// the job when a second worker agrees, or at once if no other worker can be asked.
-  FailureOutcome Fail(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt, bool permanent,
-                      absl::Time now);
+  /// Records that a worker could not render a unit, see Disputes. False if it does not hold the lease.
+  bool Fail(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt, const UnitFailure& failure,
+            absl::Time now);
   /// The worker will not deliver the unit: it is free at once. This is neither a failure nor a loss. False if
   /// the worker does not hold the lease.
   bool HandBack(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
@@ -87,6 +87,7 @@ class Units {
   Frames* const frames_;
   Leasing* const leasing_;
   Audits* const audits_;
+  Disputes* const disputes_;
 };
 
 }  // namespace lumifold::scheduler

@@ -190,12 +190,6 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
     return AnswerOfJob(context, "ResumeJob", *request, response,
                        [this, request] { return parts_.operators->ResumeJob(request->job_id()); });
   }
-  grpc::ServerUnaryReactor* MoveJobToFront(grpc::CallbackServerContext* context,
-                                           const v1::MoveJobToFrontRequest* request,
-                                           v1::JobStatus* response) override {
-    return AnswerOfJob(context, "MoveJobToFront", *request, response,
-                       [this, request] { return parts_.operators->MoveJobToFront(request->job_id()); });
-  }
   grpc::ServerUnaryReactor* SetJobPriority(grpc::CallbackServerContext* context,
                                            const v1::SetJobPriorityRequest* request,
                                            v1::JobStatus* response) override {

@@ -206,11 +206,6 @@ grpc::Status FakeFarm::ResumeJob(grpc::ServerContext*, const v1::ResumeJobReques
                                  v1::JobStatus* job) {
   return ChangeJob("ResumeJob", *request, job);
 }
-grpc::Status FakeFarm::MoveJobToFront(grpc::ServerContext*, const v1::MoveJobToFrontRequest* request,
-                                      v1::JobStatus* job) {
-  return ChangeJob("MoveJobToFront", *request, job);
-}
-
 grpc::Status FakeFarm::SetJobPriority(grpc::ServerContext*, const v1::SetJobPriorityRequest* request,
                                       v1::JobStatus* job) {
   return ChangeJob("SetJobPriority", *request, job);

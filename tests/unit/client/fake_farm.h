@@ -74,8 +74,6 @@ class FakeFarm final : public v1::FarmService::Service {
   grpc::Status CancelJob(grpc::ServerContext*, const v1::CancelJobRequest*, v1::JobStatus*) override;
   grpc::Status PauseJob(grpc::ServerContext*, const v1::PauseJobRequest*, v1::JobStatus*) override;
   grpc::Status ResumeJob(grpc::ServerContext*, const v1::ResumeJobRequest*, v1::JobStatus*) override;
-  grpc::Status MoveJobToFront(grpc::ServerContext*, const v1::MoveJobToFrontRequest*,
-                              v1::JobStatus*) override;
   grpc::Status SetJobPriority(grpc::ServerContext*, const v1::SetJobPriorityRequest*,
                               v1::JobStatus*) override;
   grpc::Status DeleteJob(grpc::ServerContext*, const v1::DeleteJobRequest*, v1::DeleteJobResponse*) override;

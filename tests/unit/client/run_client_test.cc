@@ -296,7 +296,7 @@ TEST_F(RunClientTest, ChangesAJob) {
   EXPECT_EQ(Run({"retry", "job-1"}), 0);
   EXPECT_EQ(Run({"retry", "job-1", "--frames", "3-5", "--region", "0,16,32,48", "--filter-only"}), 0);
   EXPECT_THAT(farm_.calls(), ElementsAre(R"(PauseJob job_id: "job-1")", R"(ResumeJob job_id: "job-1")",
-                                         R"(MoveJobToFront job_id: "job-1")",
+                                         R"(SetJobPriority job_id: "job-1" to_front: true)",
                                          R"(SetJobPriority job_id: "job-1" priority: -30)",
                                          R"(AddSamples job_id: "job-1" samples_per_pixel: 256)",
                                          R"(DeleteJob job_id: "job-1")", R"(RetryJob job_id: "job-1")",

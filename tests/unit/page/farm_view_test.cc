@@ -158,8 +158,8 @@ TEST_F(FarmViewTest, ALinkForOneJobChangesNothing) {
   EXPECT_TRUE(calls_->CallInJson(session_, "GetJob", R"({"job_id":"j-1"})").ok());
   EXPECT_TRUE(
       absl::IsPermissionDenied(calls_->CallInJson(session_, "GetJob", R"({"job_id":"j-2"})").status()));
-  for (const char* method : {"AddSamples", "CancelJob", "MoveJobToFront", "PauseJob", "ResumeJob", "RetryJob",
-                             "SetJobPriority", "ListJobs"}) {
+  for (const char* method :
+       {"AddSamples", "CancelJob", "PauseJob", "ResumeJob", "RetryJob", "SetJobPriority", "ListJobs"}) {
     const absl::Status status =
         calls_->CallInJson(session_, method, method == std::string("ListJobs") ? "{}" : R"({"job_id":"j-1"})")
             .status();

@@ -85,7 +85,7 @@ TEST_F(PlanUnitTest, BindsTheJobToTheClassOfItsWorker) {
 
 TEST_F(PlanUnitTest, IsLeasedAgainWhenItsWorkerIsLost) {
   ASSERT_THAT(Grant(), SizeIs(1));
-  EXPECT_THAT(scheduler_.workers().Remove(kAnn), IsEmpty());
+  scheduler_.workers().Remove(kAnn);
   scheduler_.workers().Add(kBen, {.name = "ben", .numeric_class = "neon", .slots = 4});
   const job::UnitRef unit = AcceptPlan();
   scheduler_.units().SetPlan(unit, Planned());
@@ -108,15 +108,15 @@ TEST_F(PlanUnitTest, IsLeasedAgainWhenItsLeaseExpires) {
 
 TEST_F(PlanUnitTest, AFailureIsThatOfAnyUnit) {
   std::vector<GrantedLease> leases = Grant();
-  EXPECT_EQ(scheduler_.units().Fail(kAnn, leases[0].unit, leases[0].attempt, false, kStart),
-            FailureOutcome::kRetried);
+  scheduler_.units().Fail(kAnn, leases[0].unit, leases[0].attempt, {}, kStart);
   const absl::Time later = kStart + absl::Seconds(2);
   scheduler_.ExpireLeases(later);
   leases = Grant(later);
   ASSERT_THAT(leases, SizeIs(1));
-  EXPECT_EQ(scheduler_.units().Fail(kAnn, leases[0].unit, leases[0].attempt, /*permanent=*/true, later),
-            FailureOutcome::kJobFails)
-      << "no other worker can be asked";
+  scheduler_.units().Fail(kAnn, leases[0].unit, leases[0].attempt, {.permanent = true}, later);
+  EXPECT_THAT(Grant(later), IsEmpty());
+  scheduler_.workers().Add(kBen, {.name = "ben", .numeric_class = "avx2"});
+  EXPECT_THAT(Grant(later), SizeIs(1)) << "another worker is asked";
 }
 
 TEST_F(PlanUnitTest, IsNotAudited) {

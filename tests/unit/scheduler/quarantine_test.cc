@@ -23,33 +23,36 @@ const Requirement kAvx2{"avx2", {}};
 class QuarantineTest : public ::testing::Test {
  protected:
   QuarantineTest() {
-    workers_.Add(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 2});
-    workers_.Add(kBen, {.name = "ben", .numeric_class = "avx2", .slots = 2});
+    workers_.Add(kAnn, {.name = "ann", .party = "ann", .numeric_class = "avx2", .slots = 2});
+    workers_.Add(kBen, {.name = "ben", .party = "ben", .numeric_class = "avx2", .slots = 2});
   }
 
   void MakeSuspect(const UnitIndex& unit) {
-    for (const char* worker : {"x", "y", "z"}) quarantine_.AddLoss(unit, worker);
+    for (const char* worker : {"x", "y", "z"}) quarantine_.AddLoss(unit, worker, false);
   }
   void Reserve(const Requirement* requirement = &kAvx2) {
-    quarantine_.Reserve([requirement](const UnitIndex&) { return requirement; });
+    quarantine_.Reserve(
+        [requirement](const UnitIndex&) { return requirement; },
+        [this](const Worker& worker, const UnitIndex&) { return worker.traits.party != excluded_; });
   }
 
+  std::string excluded_;  // party
   WorkerPool workers_;
   Quarantine quarantine_{3, &workers_};
 };
 
 TEST_F(QuarantineTest, AUnitIsSuspectFromTheThirdWorkerOrTheSixthLossOn) {
-  quarantine_.AddLoss(kUnit, "x");
-  quarantine_.AddLoss(kUnit, "y");
-  quarantine_.AddLoss(kSecond, "z");
+  quarantine_.AddLoss(kUnit, "x", false);
+  quarantine_.AddLoss(kUnit, "y", false);
+  quarantine_.AddLoss(kSecond, "z", false);
   EXPECT_FALSE(quarantine_.IsSuspect(kUnit));
-  for (int i = 0; i < 3; ++i) quarantine_.AddLoss(kUnit, "y");
+  for (int i = 0; i < 3; ++i) quarantine_.AddLoss(kUnit, "y", false);
   EXPECT_FALSE(quarantine_.IsSuspect(kUnit)) << "five losses of two workers";
-  quarantine_.AddLoss(kUnit, "x");
+  quarantine_.AddLoss(kUnit, "x", false);
   EXPECT_TRUE(quarantine_.IsSuspect(kUnit));
   EXPECT_FALSE(quarantine_.IsSuspect(kSecond));
-  quarantine_.AddLoss(kSecond, "x");
-  quarantine_.AddLoss(kSecond, "y");
+  quarantine_.AddLoss(kSecond, "x", false);
+  quarantine_.AddLoss(kSecond, "y", false);
   EXPECT_TRUE(quarantine_.IsSuspect(kSecond)) << "three workers";
 }
 
@@ -59,7 +62,7 @@ TEST_F(QuarantineTest, AnAcceptedUnitIsNoSuspectAnyMore) {
   quarantine_.Forget(kUnit);
   EXPECT_FALSE(quarantine_.IsSuspect(kUnit));
   EXPECT_THAT(quarantine_.waiting(), IsEmpty());
-  quarantine_.AddLoss(kUnit, "x");
+  quarantine_.AddLoss(kUnit, "x", false);
   EXPECT_FALSE(quarantine_.IsSuspect(kUnit)) << "losses are counted from the beginning";
 }
 
@@ -88,7 +91,7 @@ TEST_F(QuarantineTest, TheUnitIsReadyWhenItsWorkerHasNothingElse) {
 
 TEST_F(QuarantineTest, AWorkerThatWasNotLostWithTheUnitComesFirstThenAnIdleOne) {
   MakeSuspect(kUnit);
-  quarantine_.AddLoss(kUnit, "ann");
+  quarantine_.AddLoss(kUnit, "ann", false);
   workers_.TakeSlot(kBen);
   quarantine_.Enter(kUnit);
   Reserve();
@@ -96,7 +99,7 @@ TEST_F(QuarantineTest, AWorkerThatWasNotLostWithTheUnitComesFirstThenAnIdleOne) 
   EXPECT_TRUE(workers_.IsFree(kAnn));
   MakeSuspect(kSecond);
   workers_.TakeSlot(kAnn);
-  workers_.Add(WorkerId(3), {.name = "cid", .numeric_class = "avx2", .slots = 2});
+  workers_.Add(WorkerId(3), {.name = "cid", .party = "cid", .numeric_class = "avx2", .slots = 2});
   quarantine_.Enter(kSecond);
   Reserve();
   EXPECT_THAT(quarantine_.TakeReady(), ElementsAre(Pair(WorkerId(3), kSecond)));
@@ -143,7 +146,8 @@ TEST_F(QuarantineTest, ACancelledReservationLetsTheUnitWaitAgain) {
 
 TEST_F(QuarantineTest, AtMostSixteenWorkersAreReserved) {
   for (int i = 3; i <= 20; ++i)
-    workers_.Add(WorkerId(i), {.name = absl::StrCat("w", i), .numeric_class = "avx2"});
+    workers_.Add(WorkerId(i),
+                 {.name = absl::StrCat("w", i), .party = absl::StrCat("w", i), .numeric_class = "avx2"});
   for (int i = 0; i < 18; ++i) quarantine_.Enter({7, {0, i}});
   Reserve();
   EXPECT_EQ(quarantine_.TakeReady().size(), 16u);
@@ -151,26 +155,39 @@ TEST_F(QuarantineTest, AtMostSixteenWorkersAreReserved) {
 }
 
 TEST_F(QuarantineTest, AProcessThatIsHereAgainTakesItsOwnLossesBack) {
-  for (const char* worker : {"x", "y", "ann"}) quarantine_.AddLoss(kUnit, worker);
+  for (const char* party : {"x", "y", "ann"}) quarantine_.AddLoss(kUnit, party, party[0] == 'x');
   quarantine_.NoteAbsence(42, kUnit);
   quarantine_.NoteAbsence(0, kUnit);  // not known
   quarantine_.Enter(kUnit);
   EXPECT_THAT(quarantine_.TakeBackLosses(43, "ann"), IsEmpty()) << "another process";
   EXPECT_THAT(quarantine_.TakeBackLosses(0, "ann"), IsEmpty());
+  EXPECT_FALSE(quarantine_.Release(kUnit));
   EXPECT_THAT(quarantine_.TakeBackLosses(42, "ann"), ElementsAre(kUnit));
   EXPECT_FALSE(quarantine_.IsSuspect(kUnit));
-  EXPECT_THAT(quarantine_.waiting(), IsEmpty());
-  EXPECT_THAT(quarantine_.LossesOf(kUnit), ElementsAre("x", "y"));
+  EXPECT_TRUE(quarantine_.Release(kUnit));
+  EXPECT_FALSE(quarantine_.Release(kUnit)) << "once";
+  EXPECT_THAT(quarantine_.LossesOf(kUnit), ElementsAre(Pair("x", true), Pair("y", false)));
   EXPECT_THAT(quarantine_.TakeBackLosses(42, "x"), IsEmpty()) << "once";
 }
 
 TEST_F(QuarantineTest, AUnitThatIsStillSuspectStaysWhenAProcessIsHereAgain) {
   MakeSuspect(kUnit);
-  quarantine_.AddLoss(kUnit, "ann");
+  quarantine_.AddLoss(kUnit, "ann", false);
   quarantine_.NoteAbsence(42, kUnit);
   quarantine_.Enter(kUnit);
-  EXPECT_THAT(quarantine_.TakeBackLosses(42, "ann"), IsEmpty());
+  quarantine_.TakeBackLosses(42, "ann");
+  EXPECT_FALSE(quarantine_.Release(kUnit));
   EXPECT_THAT(quarantine_.waiting(), ElementsAre(kUnit));
+}
+
+TEST_F(QuarantineTest, AWorkerThatMayNotRenderTheJobIsNotReserved) {
+  excluded_ = "ann";
+  workers_.TakeSlot(kBen);
+  MakeSuspect(kUnit);
+  quarantine_.Enter(kUnit);
+  Reserve();
+  EXPECT_TRUE(workers_.IsFree(kAnn));
+  EXPECT_FALSE(workers_.IsFree(kBen));
 }
 
 TEST_F(QuarantineTest, AJobThatEndsLeavesTheUnitsOfOthers) {

@@ -172,7 +172,9 @@ TEST_F(ControlTest, AJobMovedToTheFrontStaysThereAfterARestart) {
               Contains(HasSubstr("turn: 1 job of its user with the same priority comes first, "
                                  "the next is " +
                                  first)));
-  EXPECT_TRUE(Call<v1::JobStatus>(&Stub::MoveJobToFront, OfJob<v1::MoveJobToFrontRequest>(second)).ok());
+  auto to_front = OfJob<v1::SetJobPriorityRequest>(second);
+  to_front.set_to_front(true);
+  EXPECT_TRUE(Call<v1::JobStatus>(&Stub::SetJobPriority, to_front).ok());
   EXPECT_THAT(Explain(first), Contains(HasSubstr("the next is " + second)));
   StopServer();
   StartServer();

@@ -96,7 +96,6 @@ class OwnershipTest : public GateFixture {
     answers["DownloadResult"] = Download(caller, job);
     answers["PauseJob"] = OfJob(caller, job, &Stub::PauseJob);
     answers["ResumeJob"] = OfJob(caller, job, &Stub::ResumeJob);
-    answers["MoveJobToFront"] = OfJob(caller, job, &Stub::MoveJobToFront);
     answers["SetJobPriority"] = OfJob(caller, job, &Stub::SetJobPriority);
     answers["AddSamples"] = OfJob(caller, job, &Stub::AddSamples);
     answers["RetryJob"] = OfJob(caller, job, &Stub::RetryJob);
@@ -145,7 +144,7 @@ TEST_F(OwnershipTest, EachCellOfTheTableHolds) {
       ++cells;
     }
   }
-  EXPECT_EQ(cells, 28 * 6);
+  EXPECT_EQ(cells, 27 * 6);
 }
 
 TEST_F(OwnershipTest, AJobOfSomebodyElseDoesNotExist) {

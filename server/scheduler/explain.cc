@@ -13,6 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "server/scheduler/audits.h"
 #include "server/scheduler/disputes.h"
 
 namespace lumifold::scheduler {
@@ -154,14 +155,22 @@ void ExplainOverdue(const State& state, const Job& job, absl::Time now, std::vec
   const Lease* slowest = nullptr;
   for (const Attempt attempt : state.leases.OfJob(job.number)) {
     const Lease* lease = state.leases.Find(attempt);
-    if (lease->is_overdue && (slowest == nullptr || lease->granted < slowest->granted)) slowest = lease;
+    const bool stands_still = lease->progressed + state.options.lease <= now;
+    if ((lease->is_overdue || stands_still) && (slowest == nullptr || lease->granted < slowest->granted))
+      slowest = lease;
   }
   if (slowest == nullptr) return;
-  reasons->push_back(
-      {"overdue", absl::StrCat(job::Describe(state.jobs.RefOf(slowest->unit)), " has been leased to worker ",
-                               state.workers.Find(slowest->worker)->traits.name, " for ",
-                               Seconds(now - slowest->granted), "; the mean of the job is ",
-                               Seconds(state.second_leases.KnownMeanOf(state.KindOf(slowest->unit))))});
+  const std::string what = absl::StrCat(
+      job::Describe(state.jobs.RefOf(slowest->unit)), " has been leased to worker ",
+      state.workers.Find(slowest->worker)->traits.name, " for ", Seconds(now - slowest->granted));
+  const std::optional<absl::Duration> mean = state.second_leases.MeanOf(state.KindOf(slowest->unit));
+  if (slowest->is_overdue && mean.has_value()) {
+    reasons->push_back({"overdue", absl::StrCat(what, "; the mean of the job is ", Seconds(*mean))});
+  } else {
+    reasons->push_back({"no_progress", absl::StrCat(what, ", and has made no progress for ",
+                                                    Seconds(now - slowest->progressed),
+                                                    "; the next worker that is idle gets it too")});
+  }
 }
 
 }  // namespace
@@ -182,8 +191,14 @@ std::vector<Reason> Explain(const State& state, const JobId& id, absl::Time now)
   if (const int64_t audits = state.audits.CountsOf(job->number).open; audits > 0) {
     const UnitIndex first{job->number, state.audits.FirstOf(job->number)};
     reasons.push_back(
-        {"audit", absl::StrCat(audits, " units are rendered a second time to compare them, the first is ",
-                               job::Describe(state.jobs.RefOf(first)))});
+        {"audit",
+         absl::StrCat(audits, " units are rendered a second time to compare them, the first is ",
+                      job::Describe(state.jobs.RefOf(first)),
+                      Audits::HasAuditor(state, first)
+                          ? ""
+                          : absl::StrCat("; no worker of another name is available, and what nobody "
+                                         "compares within ",
+                                         Seconds(state.options.audit_patience), " is not compared"))});
   }
   if (!job->frames.committed().empty()) {
     reasons.push_back({"filtering", absl::StrCat(job->frames.committed().size(),

@@ -151,7 +151,7 @@ void Grants::GrantSecond(absl::Time now, std::vector<GrantedLease>* granted) {
       std::optional<UnitIndex> unit;
       while (workers.IsFree(worker) && (unit = TakeLateUnit(worker, requirement, now)).has_value())
         granted->push_back(leasing_->Grant(*unit, worker, now, Leasing::Kind::kOrdinary));
-      if (workers.IsFree(worker)) break;  // slower ones will find nothing either
+      if (!state_->second_leases.HasAny(requirement)) break;
     }
   }
 }

@@ -61,7 +61,7 @@ struct SchedulerOptions {
   /// end earlier.
   double late_factor = 1.5;
   /// An audit for which no other worker has been available for this long is waived.
-  absl::Duration audit_patience = absl::Minutes(5);
+  absl::Duration audit_patience = absl::Seconds(30);
   /// Attempt of the first lease. After a restart it must be above all attempts granted before.
   job::Attempt first_attempt{1};
 };

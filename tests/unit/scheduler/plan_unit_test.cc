@@ -5,7 +5,9 @@
 namespace lumifold::scheduler {
 namespace {
 
+using ::testing::Contains;
 using ::testing::ElementsAre;
+using ::testing::Field;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
@@ -117,6 +119,23 @@ TEST_F(PlanUnitTest, AFailureIsThatOfAnyUnit) {
   EXPECT_THAT(Grant(later), IsEmpty());
   scheduler_.workers().Add(kBen, {.name = "ben", .numeric_class = "avx2"});
   EXPECT_THAT(Grant(later), SizeIs(1)) << "another worker is asked";
+}
+
+TEST_F(PlanUnitTest, OneThatStandsStillIsLeasedToAnotherWorkerToo) {
+  const GrantedLease held = Grant().at(0);
+  scheduler_.workers().Add(kBen, {.name = "ben", .numeric_class = "avx2"});
+  const HeldLease still{.unit = held.unit, .attempt = held.attempt};
+  absl::Time now = kStart;
+  for (int i = 0; i < 6; ++i, now += absl::Seconds(5)) {
+    EXPECT_THAT(Grant(now), IsEmpty()) << now - kStart;
+    scheduler_.workers().Heartbeat(kAnn, {still}, held.attempt, now);
+  }
+  scheduler_.ExpireLeases(now);
+  EXPECT_THAT(scheduler_.Explain(kJob, now), Contains(Field(&Reason::code, "no_progress")));
+  const std::vector<GrantedLease> second = Grant(now);
+  ASSERT_THAT(second, SizeIs(1));
+  EXPECT_EQ(second[0].worker, kBen);
+  EXPECT_EQ(second[0].unit, held.unit);
 }
 
 TEST_F(PlanUnitTest, IsNotAudited) {

@@ -138,7 +138,8 @@ void WorkerCalls::Deliver(WorkerId worker, film::EncodedUnit unit) {
   resources_->traffic.units_received += static_cast<int64_t>(unit.size_bytes());
   FarmState::Change farm(state_);
   const scheduler::Completion completion = farm->scheduler.units().Complete(
-      worker, unit.unit, unit.attempt, resources_->options.now(), unit.digest);
+      worker, unit.unit, unit.attempt, resources_->options.now(), unit.digest,
+      {.rendering = absl::Seconds(unit.stats.seconds()), .bytes = unit.size_bytes()});
   if (completion == scheduler::Completion::kAudited) {
     resources_->log().debug("event=unit_audited unit={} worker={}", logging::Quoted(Describe(unit.unit)),
                             farm->workers.NameOf(worker));

@@ -77,7 +77,7 @@ void Audits::BlockFaulty(const std::string& worker, const std::string& reason) {
         if (frame.deliverers[i] != number) continue;
         const UnitIndex unit{job_number, {frame_index, static_cast<int64_t>(i)}};
         frame.revoking.insert(unit.place.number);
-        if (!state_->accepted.contains(unit))
+        if (!state_->accepted.Has(unit))
           faulty.units.push_back(state_->jobs.RefOf(unit));  // otherwise OnCommitted does it
       }
       frames_->UpdateCommitted(job, frame_index);

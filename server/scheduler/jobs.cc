@@ -1,6 +1,7 @@
 #include "server/scheduler/jobs.h"
 
 #include <cstdint>
+#include <optional>
 
 #include "server/job/plan.h"
 
@@ -22,10 +23,9 @@ void Jobs::End(const JobId& id) {
   if (job == nullptr) return;
   const int64_t number = job->number;
   leasing_->RevokeOfJob(number);
-  std::map<UnitIndex, job::WorkerId>& accepted = state_->accepted;
-  for (auto it = accepted.lower_bound({number, {}}); it != accepted.end() && it->first.job == number;) {
-    leasing_->ReleaseSlot(it->second);
-    it = accepted.erase(it);
+  for (const UnitIndex& unit : state_->accepted.OfJob(number)) {
+    if (const std::optional<job::WorkerId> worker = state_->accepted.Remove(unit))
+      leasing_->ReleaseSlot(*worker);
   }
   frames_->Leave(*job);
   state_->quarantine.EndJob(number);

@@ -55,6 +55,9 @@ std::vector<LateLease> LeaseWatch::Heartbeat(WorkerId worker, absl::Span<const H
 void LeaseWatch::Renew(Attempt attempt, int64_t progress, absl::Time now) {
   Lease lease = *state_->leases.Find(attempt);
   if (progress != lease.progress) lease.progressed = now;
+  if (!lease.received)
+    state_->workers.Change(lease.worker,
+                           [&](Worker& worker) { worker.ahead.AddRoundTrip(now - lease.granted); });
   lease.received = true;
   lease.progress = progress;
   lease.deadline = std::min(now + state_->options.lease, lease.progressed + state_->options.stall);

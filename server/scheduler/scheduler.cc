@@ -48,10 +48,9 @@ Metrics Scheduler::CountAll() const {
   for (const auto& [number, job] : state_.jobs.all()) {
     metrics.units_leased += job.leases.units;
     if (!job.paused)
-      metrics.units_queued += job.units.total() - job.frames.committed_units() - job.leases.units;
+      metrics.units_queued += job.units.total() - job.frames.committed_units() - job.leases.units -
+                              static_cast<int64_t>(state_.accepted.OfJob(number).size());
   }
-  for (const auto& [unit, worker] : state_.accepted)
-    metrics.units_queued -= state_.jobs.Get(unit.job).paused ? 0 : 1;
   for (const job::WorkerId id : state_.workers.After(job::WorkerId(0), std::numeric_limits<int>::max())) {
     const Worker& worker = *state_.workers.Find(id);
     metrics.slots += worker.traits.slots;

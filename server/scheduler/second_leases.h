@@ -49,8 +49,8 @@ class SecondLeases {
 
   /// When a lease granted at `granted` is overdue; InfiniteFuture if the mean is not known.
   absl::Time OverdueTime(const Kind& kind, absl::Time granted) const;
-  /// When the lease is late; not after it is overdue. Where the mean is not known, such as for a plan unit, it
-  /// is late when it has made no progress for the length of a lease. `slowness`: of its worker.
+  /// When the lease is late; not after it is overdue. Where the mean is not known, as for a plan unit, it is
+  /// late when it has made no progress for the length of a lease. `slowness`: of its worker.
   absl::Time LateTime(const Kind& kind, double slowness, const Lease& lease) const;
   /// Sets when an ordinary lease is checked next.
   void Schedule(const Kind& kind, double slowness, Lease* lease) const;

@@ -21,7 +21,8 @@ State::State(const SchedulerOptions& scheduler_options)
       quarantine(options.disputes.max_lost_workers, &workers),
       evidence(options),
       health(options, &workers),
-      backoffs(options) {}
+      backoffs(options),
+      accepted(options.uncommitted_bytes) {}
 
 const Lease* State::FindLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const {
   const Lease* lease = leases.Find(attempt);

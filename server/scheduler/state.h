@@ -1,12 +1,12 @@
 #pragma once
 
 #include <algorithm>
-#include <map>
 #include <vector>
 
 #include "absl/time/time.h"
 #include "server/job/ids.h"
 #include "server/job/unit.h"
+#include "server/scheduler/accepted_units.h"
 #include "server/scheduler/active_jobs.h"
 #include "server/scheduler/audit_book.h"
 #include "server/scheduler/backoffs.h"
@@ -50,9 +50,9 @@ struct State {
   Evidence evidence;
   WorkerHealth health;
   Backoffs backoffs;
-  NameTable deliverers;                         // of the units of active frames
-  std::map<UnitIndex, job::WorkerId> accepted;  // units that are not committed; each fills a slot
-  std::vector<FailedJob> failed;                // that the caller has not taken yet
+  NameTable deliverers;  // of the units of active frames
+  AcceptedUnits accepted;
+  std::vector<FailedJob> failed;  // that the caller has not taken yet
 };
 
 }  // namespace lumifold::scheduler

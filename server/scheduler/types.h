@@ -62,6 +62,8 @@ struct SchedulerOptions {
   double late_factor = 1.5;
   /// An audit for which no other worker has been available for this long is waived.
   absl::Duration audit_patience = absl::Seconds(30);
+  /// Bytes of accepted units beyond which a worker's slot stays taken until its unit is committed.
+  uint64_t uncommitted_bytes = uint64_t{256} << 20;
   /// Attempt of the first lease. After a restart it must be above all attempts granted before.
   job::Attempt first_attempt{1};
 };
@@ -96,7 +98,7 @@ struct WorkerTraits {
   std::string numeric_class{};
   /// The same while the process lives, over all its connections, and of no other process; 0: not known.
   uint64_t instance = 0;
-  /// Maximum number of its units that are leased or accepted at a time, at least 1.
+  /// How many units it holds at a time, at least 1, see LeaseAhead and AcceptedUnits.
   int slots = 1;
   std::vector<std::string> tags{};  // in any order
 };
@@ -148,6 +150,12 @@ struct FailedJob {
 struct UnitFailure {
   bool permanent = false;  // every worker would have it
   std::string error{};     // one line
+};
+
+/// What a delivered unit took.
+struct UnitCost {
+  absl::Duration rendering{};
+  uint64_t bytes = 0;
 };
 
 /// A lease as its worker reports it in a heartbeat.

@@ -28,7 +28,7 @@ TileSamples Units::SamplesOf(const UnitRef& unit) const {
 }
 
 Completion Units::Complete(WorkerId worker, const UnitRef& unit, Attempt attempt, absl::Time now,
-                           absl::string_view digest) {
+                           absl::string_view digest, const UnitCost& cost) {
   state_->SetTime(now);
   const std::optional<UnitIndex> index = state_->jobs.IndexOf(unit);
   if (!index.has_value()) return Completion::kUnknown;
@@ -40,11 +40,11 @@ Completion Units::Complete(WorkerId worker, const UnitRef& unit, Attempt attempt
     return Completion::kAudited;
   }
   if (!holds_lease) return Completion::kStale;
-  OnAccepted(leasing_->Remove(attempt), now);
+  OnAccepted(leasing_->Remove(attempt), cost, now);
   job.is_bound = true;
   const WorkerTraits& traits = state_->workers.Find(worker)->traits;
   if (state_->RequirementOf(job).numeric_class.empty()) Bind(job, traits.numeric_class);
-  state_->accepted.emplace(*index, worker);
+  if (state_->accepted.Add(*index, worker, cost.bytes)) leasing_->ReleaseSlot(worker);
   FrameState& frame = *job.frames.Find(index->place.frame);
   const auto number = static_cast<size_t>(index->place.number);
   frame.taken[number] = true;
@@ -53,12 +53,13 @@ Completion Units::Complete(WorkerId worker, const UnitRef& unit, Attempt attempt
   return Completion::kAccepted;
 }
 
-void Units::OnAccepted(const Lease& lease, absl::Time now) {
+void Units::OnAccepted(const Lease& lease, const UnitCost& cost, absl::Time now) {
   const absl::Duration time = now - lease.granted;
   const std::optional<absl::Duration> mean = state_->second_leases.MeanOf(state_->KindOf(lease.unit));
   state_->workers.Change(lease.worker, [&](Worker& changed) {
     ++changed.units_done;
     changed.unit_time += time;
+    changed.ahead.AddUnit(cost.rendering, cost.bytes);
     if (mean.has_value() && *mean > absl::ZeroDuration()) SecondLeases::Rate(time, *mean, &changed);
   });
   CountTime(lease, now);
@@ -167,10 +168,8 @@ bool Units::Commit(const UnitRef& unit) {
 }
 
 void Units::EndAccepted(const UnitIndex& unit) {
-  const auto accepted = state_->accepted.find(unit);
-  LUMIFOLD_CHECK(accepted != state_->accepted.end());
-  leasing_->ReleaseSlot(accepted->second);  // the worker may have disconnected since
-  state_->accepted.erase(accepted);
+  if (const std::optional<WorkerId> worker = state_->accepted.Remove(unit))
+    leasing_->ReleaseSlot(*worker);  // it may have disconnected since
 }
 
 void Units::SetPlan(const UnitRef& unit, const v1::JobSpec& planned) {
@@ -189,7 +188,7 @@ void Units::SetPlan(const UnitRef& unit, const v1::JobSpec& planned) {
 
 bool Units::Revoke(const UnitRef& unit) {
   const std::optional<UnitIndex> index = state_->jobs.IndexOf(unit);
-  if (!index.has_value() || state_->accepted.contains(*index)) return false;
+  if (!index.has_value() || state_->accepted.Has(*index)) return false;
   Job& job = state_->jobs.Get(index->job);
   const Place& place = index->place;
   FrameState* const frame = job.frames.Find(place.frame);  // a finished frame has none

@@ -44,7 +44,7 @@ class Units {
   /// Records that a worker delivered a complete unit. `digest` is equal for equal pixels, and empty only
   /// where no job is audited.
   Completion Complete(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt, absl::Time now,
-                      absl::string_view digest = "");
+                      absl::string_view digest = "", const UnitCost& cost = {});
   /// Records that a worker could not render a unit, see Disputes. False if it does not hold the lease.
   bool Fail(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt, const UnitFailure& failure,
             absl::Time now);
@@ -75,12 +75,12 @@ class Units {
 
  private:
   /// The unit is accepted for `lease`: its worker is rated, and what it met before is forgotten.
-  void OnAccepted(const Lease& lease, absl::Time now);
+  void OnAccepted(const Lease& lease, const UnitCost& cost, absl::Time now);
   void CountTime(const Lease& lease, absl::Time now);
   void RevokeOtherLeases(const UnitIndex& unit);
   void Bind(Job& job, const std::string& numeric_class);
   void ReturnAfter(const UnitIndex& unit, absl::Duration pause, absl::Time now);
-  /// The unit, which is accepted, is committed: its worker has a free slot.
+  /// The unit, which is accepted, is committed.
   void EndAccepted(const UnitIndex& unit);
 
   State* const state_;

@@ -66,11 +66,15 @@ TEST_F(SchedulerTest, AUnitThatAFreeWorkerMayNotTakeDoesNotStopTheOthers) {
   EXPECT_EQ(next[0].unit.job, kOther);
 }
 
-TEST_F(SchedulerTest, ASlotIsFreeOnceTheUnitIsCommittedAndNotBefore) {
+TEST_F(SchedulerTest, ASlotIsFreeOnceTheUnitIsAcceptedUnlessTooManyBytesWait) {
   scheduler_.jobs().Add(kJob, Spec());
   scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 1});
+  const GrantedLease first = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  EXPECT_EQ(scheduler_.units().Complete(kAnn, first.unit, first.attempt, kStart), Completion::kAccepted);
   const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  EXPECT_EQ(scheduler_.units().Complete(kAnn, lease.unit, lease.attempt, kStart), Completion::kAccepted);
+  const UnitCost large{.bytes = (uint64_t{256} << 20) + 1};
+  EXPECT_EQ(scheduler_.units().Complete(kAnn, lease.unit, lease.attempt, kStart, "", large),
+            Completion::kAccepted);
   EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart), IsEmpty());
   EXPECT_FALSE(scheduler_.units().Commit(lease.unit));
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).size(), 1u);

@@ -267,8 +267,9 @@ absl::Status ServerImpl::OpenCoordinator() {
   storage.max_open_logs = MaxOpenLogs();
   if (IsMember()) storage.reserve_bytes = 0;  // their ledger is not on the disk of their folder
   absl::StatusOr<std::unique_ptr<Coordinator>> coordinator = Coordinator::Create(
-      {.lease = options_.lease,
-       .heartbeat = options_.heartbeat,
+      {.workers = {.lease = options_.lease,
+                   .heartbeat = options_.heartbeat,
+                   .only_one = options_.only_one_worker},
        .now = options_.now,
        .wall_now = options_.wall_now,
        .random = options_.random,

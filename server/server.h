@@ -84,6 +84,8 @@ struct ServerOptions {
   FarmOptions farm;
   absl::Duration lease = absl::Seconds(30);
   absl::Duration heartbeat = absl::Seconds(5);
+  /// The program has a worker of its own, and there will be no other.
+  bool only_one_worker = false;
   FilterOptions filter;
   /// What callers may take.
   Limits limits;

@@ -21,6 +21,7 @@ const std::vector<Command>& Commands() {
       {"logs", "Print the last events of a job or a worker", RunLogs},
       {"pause", "Render no more units of a job until it is resumed", RunPause},
       {"resume", "Let a paused job go on", RunResume},
+      {"move-to-front", "Render a job before its user's others", RunMoveToFront},
       {"set-priority", "Change the priority of a job", RunSetPriority},
       {"add-samples", "Give a job more samples per pixel", RunAddSamples},
       {"retry", "Render parts of a job again, or go on with a failed one", RunRetry},

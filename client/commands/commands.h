@@ -47,6 +47,7 @@ ExitCode RunExplain(const std::vector<std::string>& arguments, const Environment
 ExitCode RunLogs(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunPause(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunResume(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunMoveToFront(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunSetPriority(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunAddSamples(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunRetry(const std::vector<std::string>& arguments, const Environment& environment);

@@ -14,7 +14,10 @@ ExitCode RunSetPriority(const std::vector<std::string>& arguments, const Environ
                                       "-100 to 100; ten more doubles the job's share");
   remote.AddTo(command_line);
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
-  return ReportJob(environment, remote.json, remote.Connect(environment)->SetJobPriority(job_id, priority));
+  v1::SetJobPriorityRequest request;
+  request.set_job_id(job_id);
+  request.set_priority(priority);
+  return ReportJob(environment, remote.json, remote.Connect(environment)->SetJobPriority(request));
 }
 
 }  // namespace lumifold::client

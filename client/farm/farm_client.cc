@@ -100,9 +100,7 @@ class GrpcFarmClient : public FarmClient {
   absl::StatusOr<v1::JobStatus> ResumeJob(const std::string& job_id) override {
     return Unary<v1::JobStatus>(kShortCall, &Stub::ResumeJob, OfJob<v1::ResumeJobRequest>(job_id));
   }
-  absl::StatusOr<v1::JobStatus> SetJobPriority(const std::string& job_id, int priority) override {
-    auto request = OfJob<v1::SetJobPriorityRequest>(job_id);
-    request.set_priority(priority);
+  absl::StatusOr<v1::JobStatus> SetJobPriority(const v1::SetJobPriorityRequest& request) override {
     return Unary<v1::JobStatus>(kShortCall, &Stub::SetJobPriority, request);
   }
   absl::Status DeleteJob(const std::string& job_id) override {

@@ -48,7 +48,7 @@ class FarmClient {
   virtual absl::StatusOr<v1::JobStatus> CancelJob(const std::string& job_id) = 0;
   virtual absl::StatusOr<v1::JobStatus> PauseJob(const std::string& job_id) = 0;
   virtual absl::StatusOr<v1::JobStatus> ResumeJob(const std::string& job_id) = 0;
-  virtual absl::StatusOr<v1::JobStatus> SetJobPriority(const std::string& job_id, int priority) = 0;
+  virtual absl::StatusOr<v1::JobStatus> SetJobPriority(const v1::SetJobPriorityRequest& request) = 0;
   virtual absl::Status DeleteJob(const std::string& job_id) = 0;
   virtual absl::StatusOr<v1::JobStatus> RetryJob(const v1::RetryJobRequest& request) = 0;
   virtual absl::StatusOr<v1::JobStatus> AddSamples(const std::string& job_id, int samples_per_pixel) = 0;

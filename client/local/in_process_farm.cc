@@ -78,6 +78,7 @@ absl::StatusOr<std::unique_ptr<client::LocalFarm>> StartLocalFarm(const client::
   std::unique_ptr<TemporaryFolder> folder;
   server::ServerOptions server_options;
   server_options.data.folder = options.state_dir;
+  server_options.only_one_worker = true;
   server_options.filter.threads = options.threads;
   if (options.state_dir.empty()) {
     absl::StatusOr<std::unique_ptr<TemporaryFolder>> made = TemporaryFolder::Make();

@@ -18,8 +18,11 @@ using job::JobId;
 using job::Prerequisite;
 
 Farm::Farm(const Resources* resources, FarmEffects* effects)
-    : scheduler(
-          {.lease = resources->options.lease, .first_attempt = ledger::FirstAttempt(resources->owner.epoch)}),
+    : scheduler({.lease = resources->options.workers.lease,
+                 .disputes = {.deciding_parties = resources->options.workers.only_one
+                                                      ? 1
+                                                      : scheduler::DisputeOptions().deciding_parties},
+                 .first_attempt = ledger::FirstAttempt(resources->owner.epoch)}),
       frames(resources->options.finish_pause),
       frame_limit({.open_logs = resources->options.storage.max_open_logs,
                    .free_disk_bytes = resources->folder.FreeBytes().value_or(0),

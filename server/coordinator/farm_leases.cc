@@ -53,6 +53,9 @@ std::string_view EventOf(scheduler::Lateness lateness) {
 }  // namespace
 
 void Farm::Complete() {
+  for (const scheduler::FailedJob& job : scheduler.TakeFailedJobs()) {
+    if (is_leasing()) FailJob(job.job, job.error);
+  }
   if (is_leasing()) {
     FollowAudits();
     for (const scheduler::CoolingWorker& cooling : scheduler.workers().TakeCooling()) {
@@ -150,7 +153,6 @@ void Farm::ReportLate(const std::vector<scheduler::LateLease>& late) {
   for (const scheduler::LateLease& lease : late) {
     resources_->log().warn("event={} unit={} worker={}", EventOf(lease.lateness),
                            logging::Quoted(Describe(lease.unit)), workers.NameOf(lease.worker));
-    if (is_leasing() && !lease.job_error.empty()) FailJob(lease.unit.job, lease.job_error);
   }
 }
 

@@ -163,6 +163,10 @@ void OperatorCalls::Reschedule(Farm* farm, ActiveJob* active, const v1::Scheduli
     resources_->log().info("event=job_priority job={} priority={}", job.value(), scheduling.priority());
     farm->scheduler.jobs().SetPriority(job, scheduling.priority());
   }
+  if (scheduling.turn_ms() != before.turn_ms()) {
+    resources_->log().info("event=job_moved_to_front job={}", job.value());
+    farm->scheduler.jobs().SetTurn(job, scheduling.turn_ms());
+  }
   farm->watchers.MarkChanged(job);
 }
 
@@ -176,8 +180,12 @@ absl::StatusOr<v1::JobStatus> OperatorCalls::ResumeJob(const std::string& job_id
 
 absl::StatusOr<v1::JobStatus> OperatorCalls::SetJobPriority(const v1::SetJobPriorityRequest& request) {
   if (absl::Status status = job::CheckPriority(request.priority()); !status.ok()) return status;
-  return ChangeScheduling(request.job_id(),
-                          [&](v1::Scheduling* scheduling) { scheduling->set_priority(request.priority()); });
+  return ChangeScheduling(request.job_id(), [&](v1::Scheduling* scheduling) {
+    if (!request.to_front()) return scheduling->set_priority(request.priority());
+    const JobId job(request.job_id());
+    const FarmState::View farm(state_);
+    if (farm->scheduler.jobs().Has(job)) scheduling->set_turn_ms(farm->scheduler.jobs().TurnOfFirst(job) - 1);
+  });
 }
 
 absl::StatusOr<v1::ListWorkersResponse> OperatorCalls::ListWorkers(const v1::ListWorkersRequest& request) {

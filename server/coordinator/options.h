@@ -45,11 +45,18 @@ struct JobLog {
   EventLog* events = nullptr;
 };
 
+/// What is expected of workers.
+struct WorkerTerms {
+  absl::Duration lease = absl::Seconds(30);
+  /// Interval of their heartbeats.
+  absl::Duration heartbeat = absl::Seconds(5);
+  /// There is one, and there will be no other: a job fails when it says so, see scheduler::Disputes.
+  bool only_one = false;
+};
+
 /// What a Coordinator is made with.
 struct CoordinatorOptions {
-  absl::Duration lease = absl::Seconds(30);
-  /// Interval of the workers' heartbeats.
-  absl::Duration heartbeat = absl::Seconds(5);
+  WorkerTerms workers;
   /// Pause before a frame whose filter process was killed is tried again; the next pause is four times as
   /// long.
   absl::Duration finish_pause = absl::Seconds(5);

@@ -147,6 +147,7 @@ absl::StatusOr<JobId> Submission::SubmitNewJob(ledger::NewJob job) {
   const std::string user = job.scheduling.user();
   if (absl::Status status = BeginSubmission(user); !status.ok()) return status;
   job.submitted = resources_->options.wall_now();
+  job.scheduling.set_turn_ms(absl::ToUnixMillis(job.submitted));
   job.id = job::MakeJobId(job.submitted, resources_->options.random());
   if (!rpc::IsTraceId(job.scheduling.trace_id()))
     job.scheduling.set_trace_id(rpc::MakeTraceId(resources_->options.random));

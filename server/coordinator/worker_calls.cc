@@ -50,6 +50,14 @@ absl::Status CheckHello(const v1::Hello& hello) {
   return absl::OkStatus();
 }
 
+/// The name without ":PROCESS", which workers on one machine have in common, where nothing else tells.
+std::string PartyOf(const std::string& name, const access::Identity& caller) {
+  const size_t colon = name.rfind(':');
+  const bool has_process = colon != std::string::npos && colon > 0 && colon + 1 < name.size() &&
+                           name.find_first_not_of("0123456789", colon + 1) == std::string::npos;
+  return caller.kind == access::IdentityKind::kLocal && has_process ? name.substr(0, colon) : name;
+}
+
 }  // namespace
 
 absl::StatusOr<WorkerId> WorkerCalls::AddWorker(const v1::Hello& hello, const access::Identity& caller,
@@ -73,13 +81,15 @@ absl::StatusOr<WorkerId> WorkerCalls::AddWorker(const v1::Hello& hello, const ac
                                              .connected = resources_->options.wall_now(),
                                              .known_jobs = {}});
   farm->scheduler.workers().Add(worker, {.name = name,
+                                         .party = PartyOf(name, caller),
                                          .numeric_class = hello.numeric_class(),
                                          .instance = hello.instance(),
                                          .slots = hello.slots(),
                                          .tags = {hello.tags().begin(), hello.tags().end()}});
   v1::CoordinatorMessage welcome;
   welcome.mutable_welcome()->set_worker_id(job::TextOf(worker));
-  welcome.mutable_welcome()->set_heartbeat_ms(absl::ToInt64Milliseconds(resources_->options.heartbeat));
+  welcome.mutable_welcome()->set_heartbeat_ms(
+      absl::ToInt64Milliseconds(resources_->options.workers.heartbeat));
   sink->Send(welcome);
   resources_->log().info("event=worker_connected worker={} process={} class={} slots={}",
                          farm->workers.NameOf(worker), process, logging::Quoted(hello.numeric_class()),
@@ -91,9 +101,8 @@ void WorkerCalls::RemoveWorker(WorkerId worker) {
   FarmState::Change farm(state_);
   resources_->log().info("event=worker_gone worker={}", farm->workers.NameOf(worker));
   farm->workers.Remove(worker);
-  const std::vector<scheduler::FailedJob> failed = farm->scheduler.workers().Remove(worker);
+  farm->scheduler.workers().Remove(worker);
   if (!farm->is_leasing()) return;
-  for (const scheduler::FailedJob& job : failed) farm->FailJob(job.job, job.error);
   for (const auto& [job, active] : farm->jobs.active()) farm->watchers.MarkChanged(job);
 }
 
@@ -129,7 +138,8 @@ void WorkerCalls::Deliver(WorkerId worker, film::EncodedUnit unit) {
   resources_->traffic.units_received += static_cast<int64_t>(unit.size_bytes());
   FarmState::Change farm(state_);
   const scheduler::Completion completion = farm->scheduler.units().Complete(
-      worker, unit.unit, unit.attempt, resources_->options.now(), unit.digest);
+      worker, unit.unit, unit.attempt, resources_->options.now(), unit.digest,
+      {.rendering = absl::Seconds(unit.stats.seconds()), .bytes = unit.size_bytes()});
   if (completion == scheduler::Completion::kAudited) {
     resources_->log().debug("event=unit_audited unit={} worker={}", logging::Quoted(Describe(unit.unit)),
                             farm->workers.NameOf(worker));
@@ -173,12 +183,11 @@ void WorkerCalls::RefuseUnit(WorkerId worker, const UnitRef& unit, Attempt attem
 void WorkerCalls::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt, const std::string& error,
                            bool permanent) {
   FarmState::Change farm(state_);
-  const scheduler::FailureOutcome outcome =
-      farm->scheduler.units().Fail(worker, unit, attempt, permanent, resources_->options.now());
+  farm->scheduler.units().Fail(worker, unit, attempt, {.permanent = permanent, .error = error},
+                               resources_->options.now());
   resources_->log().warn("event=unit_failed unit={} worker={} permanent={} error={}",
                          logging::Quoted(Describe(unit)), farm->workers.NameOf(worker), permanent,
                          logging::Quoted(error));
-  if (outcome == scheduler::FailureOutcome::kJobFails) farm->FailJob(unit.job, error);
 }
 
 void WorkerCalls::HandBack(WorkerId worker, const v1::HandBack& message) {

@@ -81,6 +81,7 @@ SpecBytes BytesOfSpec(const v1::JobSpec& spec) {
 std::string RequestDigest(const v1::JobSpec& spec, const v1::Scheduling& scheduling) {
   v1::Scheduling requested = scheduling;
   requested.clear_trace_id();  // of the call, not of the request
+  requested.clear_turn_ms();
   XXH3_state_t* const state = XXH3_createState();
   XXH3_128bits_reset(state);
   AppendHashed(state, job::UnplannedSpec(spec).SerializeAsString());

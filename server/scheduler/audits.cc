@@ -77,7 +77,7 @@ void Audits::BlockFaulty(const std::string& worker, const std::string& reason) {
         if (frame.deliverers[i] != number) continue;
         const UnitIndex unit{job_number, {frame_index, static_cast<int64_t>(i)}};
         frame.revoking.insert(unit.place.number);
-        if (!state_->accepted.contains(unit))
+        if (!state_->accepted.Has(unit))
           faulty.units.push_back(state_->jobs.RefOf(unit));  // otherwise OnCommitted does it
       }
       frames_->UpdateCommitted(job, frame_index);
@@ -94,13 +94,13 @@ void Audits::OnCommitted(const UnitIndex& unit) {
       {.name = state_->deliverers.NameOf(deliverer), .reason = "", .units = {state_->jobs.RefOf(unit)}});
 }
 
-bool Audits::HasAuditor(const UnitIndex& unit) const {
-  const Requirement& requirement = state_->ready.RequirementOf(unit.job);
-  int available = state_->workers.Count(requirement).available;
-  for (const std::string& name : state_->audits.AskedOf(unit)) {
-    for (const WorkerId id : state_->workers.Named(name)) {
-      const Worker& worker = *state_->workers.Find(id);
-      if (worker.IsAvailable() && requirement.Admits(state_->workers.KindOf(worker.kind))) --available;
+bool Audits::HasAuditor(const State& state, const UnitIndex& unit) {
+  const Requirement& requirement = state.ready.RequirementOf(unit.job);
+  int available = state.workers.Count(requirement).available;
+  for (const std::string& name : state.audits.AskedOf(unit)) {
+    for (const WorkerId id : state.workers.Named(name)) {
+      const Worker& worker = *state.workers.Find(id);
+      if (worker.IsAvailable() && requirement.Admits(state.workers.KindOf(worker.kind))) --available;
     }
   }
   return available > 0;
@@ -108,7 +108,7 @@ bool Audits::HasAuditor(const UnitIndex& unit) const {
 
 void Audits::Expire(absl::Time now) {
   for (const UnitIndex& unit : state_->audits.TakeDue(now)) {
-    if (state_->audits.IsLeased(unit) || HasAuditor(unit)) {
+    if (state_->audits.IsLeased(unit) || HasAuditor(*state_, unit)) {
       state_->audits.Extend(unit, now);
       continue;
     }

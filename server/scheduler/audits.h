@@ -38,10 +38,12 @@ class Audits {
   /// A unit is committed: it is to be revoked if its worker was found faulty meanwhile.
   void OnCommitted(const UnitIndex& unit);
 
+  /// Whether a worker is available that may audit the unit, which is audited. O(names asked so far).
+  static bool HasAuditor(const State& state, const UnitIndex& unit);
+
  private:
   /// Blocks a worker that delivered other pixels than two others.
   void BlockFaulty(const std::string& worker, const std::string& reason);
-  bool HasAuditor(const UnitIndex& unit) const;
 
   State* const state_;
   Frames* const frames_;

@@ -13,6 +13,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "server/scheduler/audits.h"
+#include "server/scheduler/disputes.h"
 
 namespace lumifold::scheduler {
 
@@ -40,7 +42,8 @@ std::string Seconds(absl::Duration duration) {
 /// "user ann has 12 leases, user ben 3", the users with the most ones.
 std::string BusiestUsers(const State& state) {
   std::map<std::string, int64_t> leases;
-  for (const auto& [number, job] : state.jobs.all()) leases[state.ready.UserOf(number)] += job.leases.count;
+  for (const auto& [number, job] : state.jobs.all())
+    leases[state.ready.share().UserOf(number)] += job.leases.count;
   std::vector<std::pair<int64_t, std::string>> users;
   users.reserve(leases.size());
   for (const auto& [user, count] : leases) users.emplace_back(-count, user);
@@ -72,7 +75,16 @@ void ExplainWorkers(const State& state, const Job& job, std::vector<Reason>* rea
       {"slots_busy", absl::StrCat("all ", workers.slots, " slots of the ", workers.available,
                                   " workers that may render the job are busy: it has ", job.leases.count,
                                   " leases, ", BusiestUsers(state), "; the share of its user is ",
-                                  std::lround(100 * state.ready.ShareOfUser(job.number)), " %")});
+                                  std::lround(100 * state.ready.share().ShareOfUser(job.number)), " %")});
+}
+
+void ExplainTurn(const State& state, const Job& job, std::vector<Reason>* reasons) {
+  const std::set<FairShare::Turn> before = state.ready.share().TurnsBefore(job.number);
+  if (before.empty()) return;
+  reasons->push_back(
+      {"turn", absl::StrCat(before.size(), before.size() == 1 ? " job" : " jobs",
+                            " of its user with the same priority come", before.size() == 1 ? "s" : "",
+                            " first, the next is ", state.jobs.Get(before.begin()->second).id.value())});
 }
 
 void ExplainLimits(const State& state, const Job& job, std::vector<Reason>* reasons) {
@@ -106,7 +118,7 @@ void ExplainFailures(const State& state, const Job& job, absl::Time now, std::ve
                       job::Describe(state.jobs.RefOf(*first)))});
   }
   std::vector<std::string> cooling;
-  for (const WorkerId worker : state.health.FailedWorkersOf(job.number)) {
+  for (const WorkerId worker : state.evidence.FailedWorkersOf(job.number)) {
     if (!state.health.CoolDownReason(worker).empty() && cooling.size() < kMaxNames)
       cooling.push_back(state.workers.Find(worker)->traits.name);
   }
@@ -117,18 +129,48 @@ void ExplainFailures(const State& state, const Job& job, absl::Time now, std::ve
   }
 }
 
+void ExplainDispute(const State& state, const Job& job, absl::Time now, std::vector<Reason>* reasons) {
+  const std::optional<UnitIndex> unit = state.evidence.FirstDispute(job.number);
+  if (!unit.has_value()) return;
+  const Evidence::Record& record = *state.evidence.Find(*unit);
+  std::vector<std::string> parties;
+  for (const auto& [party, statement] : record.statements) {
+    if (statement.impossible && parties.size() < kMaxNames) parties.push_back(party);
+  }
+  const std::string who =
+      absl::StrCat(parties.size() == 1 ? "worker " : "workers ", absl::StrJoin(parties, ", "));
+  std::string next = "another worker is asked";
+  if (!Disputes::CanAskAnother(state, *unit)) {
+    next =
+        record.Witnesses() > 0 || record.Parties() > 1
+            ? absl::StrCat("the job fails in ", Seconds(record.due - now), " unless another worker connects")
+            : absl::StrCat("the job waits for another worker, because this one has delivered nothing yet");
+  }
+  reasons->push_back(
+      {"second_opinion", absl::StrCat(who, " cannot render ", job::Describe(state.jobs.RefOf(*unit)), " (",
+                                      record.last_error, "); ", next)});
+}
+
 void ExplainOverdue(const State& state, const Job& job, absl::Time now, std::vector<Reason>* reasons) {
   const Lease* slowest = nullptr;
   for (const Attempt attempt : state.leases.OfJob(job.number)) {
     const Lease* lease = state.leases.Find(attempt);
-    if (lease->is_overdue && (slowest == nullptr || lease->granted < slowest->granted)) slowest = lease;
+    const bool stands_still = lease->progressed + state.options.lease <= now;
+    if ((lease->is_overdue || stands_still) && (slowest == nullptr || lease->granted < slowest->granted))
+      slowest = lease;
   }
   if (slowest == nullptr) return;
-  reasons->push_back(
-      {"overdue", absl::StrCat(job::Describe(state.jobs.RefOf(slowest->unit)), " has been leased to worker ",
-                               state.workers.Find(slowest->worker)->traits.name, " for ",
-                               Seconds(now - slowest->granted), "; the mean of the job is ",
-                               Seconds(state.second_leases.KnownMeanOf(state.KindOf(slowest->unit))))});
+  const std::string what = absl::StrCat(
+      job::Describe(state.jobs.RefOf(slowest->unit)), " has been leased to worker ",
+      state.workers.Find(slowest->worker)->traits.name, " for ", Seconds(now - slowest->granted));
+  const std::optional<absl::Duration> mean = state.second_leases.MeanOf(state.KindOf(slowest->unit));
+  if (slowest->is_overdue && mean.has_value()) {
+    reasons->push_back({"overdue", absl::StrCat(what, "; the mean of the job is ", Seconds(*mean))});
+  } else {
+    reasons->push_back({"no_progress", absl::StrCat(what, ", and has made no progress for ",
+                                                    Seconds(now - slowest->progressed),
+                                                    "; the next worker that is idle gets it too")});
+  }
 }
 
 }  // namespace
@@ -140,15 +182,23 @@ std::vector<Reason> Explain(const State& state, const JobId& id, absl::Time now)
   if (job->paused) reasons.push_back({"paused", "the job is paused"});
   if (job->frames.committed_units() < job->units.total()) {
     ExplainWorkers(state, *job, &reasons);
+    ExplainTurn(state, *job, &reasons);
     ExplainLimits(state, *job, &reasons);
     ExplainFailures(state, *job, now, &reasons);
+    ExplainDispute(state, *job, now, &reasons);
     ExplainOverdue(state, *job, now, &reasons);
   }
   if (const int64_t audits = state.audits.CountsOf(job->number).open; audits > 0) {
     const UnitIndex first{job->number, state.audits.FirstOf(job->number)};
     reasons.push_back(
-        {"audit", absl::StrCat(audits, " units are rendered a second time to compare them, the first is ",
-                               job::Describe(state.jobs.RefOf(first)))});
+        {"audit",
+         absl::StrCat(audits, " units are rendered a second time to compare them, the first is ",
+                      job::Describe(state.jobs.RefOf(first)),
+                      Audits::HasAuditor(state, first)
+                          ? ""
+                          : absl::StrCat("; no worker of another name is available, and what nobody "
+                                         "compares within ",
+                                         Seconds(state.options.audit_patience), " is not compared"))});
   }
   if (!job->frames.committed().empty()) {
     reasons.push_back({"filtering", absl::StrCat(job->frames.committed().size(),

@@ -77,6 +77,7 @@ void Grants::GrantTo(WorkerId worker, absl::Time now, std::vector<GrantedLease>*
 }
 
 std::optional<Grants::Taken> Grants::TakeUnit(Job& job, WorkerId worker, SkipBudget* budget) {
+  if (IsExcluded(job.number, *state_->workers.Find(worker))) return std::nullopt;
   if (const auto place = TakeReturnedUnit(job, worker, budget); place.has_value()) return Taken{*place};
   const std::string& name = state_->workers.Find(worker)->traits.name;
   if (const auto place = state_->audits.Take(job.number, name); place.has_value())
@@ -85,11 +86,15 @@ std::optional<Grants::Taken> Grants::TakeUnit(Job& job, WorkerId worker, SkipBud
   return std::nullopt;
 }
 
+bool Grants::IsExcluded(int64_t job, const Worker& worker) const {
+  return state_->evidence.IsExcluded(job, worker.traits.party, state_->latest);
+}
+
 bool Grants::MayLease(const UnitIndex& unit, WorkerId worker) const {
   for (const Attempt attempt : state_->leases.OfUnit(unit)) {
     if (state_->leases.Find(attempt)->worker == worker) return false;
   }
-  return !state_->health.WasLastToFail(unit, state_->workers.Find(worker)->traits.name) ||
+  return !state_->evidence.WasLastToFail(unit, state_->workers.Find(worker)->traits.name) ||
          !state_->workers.HasOther(worker, state_->ready.RequirementOf(unit.job));
 }
 
@@ -117,10 +122,12 @@ std::optional<Place> Grants::TakeUnleasedUnit(Job& job) {
 }
 
 void Grants::GrantQuarantined(absl::Time now, std::vector<GrantedLease>* granted) {
-  state_->quarantine.Reserve([this](const UnitIndex& unit) {
-    const Job& job = state_->jobs.Get(unit.job);
-    return job.paused ? nullptr : &state_->RequirementOf(job);
-  });
+  state_->quarantine.Reserve(
+      [this](const UnitIndex& unit) {
+        const Job& job = state_->jobs.Get(unit.job);
+        return job.paused ? nullptr : &state_->RequirementOf(job);
+      },
+      [this](const Worker& worker, const UnitIndex& unit) { return !IsExcluded(unit.job, worker); });
   for (const auto& [worker, unit] : state_->quarantine.TakeReady())
     granted->push_back(leasing_->Grant(unit, worker, now, Leasing::Kind::kAlone));
 }
@@ -144,15 +151,16 @@ void Grants::GrantSecond(absl::Time now, std::vector<GrantedLease>* granted) {
       std::optional<UnitIndex> unit;
       while (workers.IsFree(worker) && (unit = TakeLateUnit(worker, requirement, now)).has_value())
         granted->push_back(leasing_->Grant(*unit, worker, now, Leasing::Kind::kOrdinary));
-      if (workers.IsFree(worker)) break;  // slower ones will find nothing either
+      if (!state_->second_leases.HasAny(requirement)) break;
     }
   }
 }
 
 bool Grants::IsWorthASecondLease(const Lease& lease, WorkerId worker, absl::Time now) const {
   const Job& job = state_->jobs.Get(lease.unit.job);
-  return !job.paused && !job.leases.IsFull() && !job.free.returned().contains(lease.unit.place) &&
-         !state_->quarantine.IsSuspect(lease.unit) && MayLease(lease.unit, worker) &&
+  return !job.paused && !job.leases.IsFull() && !IsExcluded(job.number, *state_->workers.Find(worker)) &&
+         !job.free.returned().contains(lease.unit.place) && !state_->quarantine.IsSuspect(lease.unit) &&
+         MayLease(lease.unit, worker) &&
          state_->second_leases.IsWorthwhile(lease, state_->KindOf(lease.unit),
                                             state_->workers.Find(worker)->slowness, now);
 }

@@ -41,6 +41,8 @@ class Grants {
   std::optional<Taken> TakeUnit(Job& job, job::WorkerId worker, SkipBudget* budget);
   std::optional<Place> TakeReturnedUnit(Job& job, job::WorkerId worker, SkipBudget* budget);
   std::optional<Place> TakeUnleasedUnit(Job& job);
+  /// Whether the worker gets no units of the job, see Disputes.
+  bool IsExcluded(int64_t job, const Worker& worker) const;
   bool MayLease(const UnitIndex& unit, job::WorkerId worker) const;
   /// Reserves workers for units in quarantine, and leases the units to those that have become idle.
   void GrantQuarantined(absl::Time now, std::vector<GrantedLease>* granted);

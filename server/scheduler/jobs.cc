@@ -1,6 +1,7 @@
 #include "server/scheduler/jobs.h"
 
 #include <cstdint>
+#include <optional>
 
 #include "server/job/plan.h"
 
@@ -13,8 +14,7 @@ Jobs::Jobs(State* state, Frames* frames, Leasing* leasing)
 
 void Jobs::Add(const JobId& id, const v1::JobSpec& spec, const JobOptions& options) {
   Job& job = state_->jobs.Add(id, spec, options);
-  state_->ready.Add(job.number, options.user, options.priority,
-                    Requirement::Of(options.numeric_class, options.tags));
+  state_->ready.Add(job.number, options);
   state_->UpdateReady(job);
 }
 
@@ -23,16 +23,15 @@ void Jobs::End(const JobId& id) {
   if (job == nullptr) return;
   const int64_t number = job->number;
   leasing_->RevokeOfJob(number);
-  std::map<UnitIndex, job::WorkerId>& accepted = state_->accepted;
-  for (auto it = accepted.lower_bound({number, {}}); it != accepted.end() && it->first.job == number;) {
-    leasing_->ReleaseSlot(it->second);
-    it = accepted.erase(it);
+  for (const UnitIndex& unit : state_->accepted.OfJob(number)) {
+    if (const std::optional<job::WorkerId> worker = state_->accepted.Remove(unit))
+      leasing_->ReleaseSlot(*worker);
   }
   frames_->Leave(*job);
   state_->quarantine.EndJob(number);
   state_->audits.EndJob(number);
   state_->second_leases.ForgetTimes(number);
-  state_->health.EndJob(number);
+  state_->evidence.EndJob(number);
   state_->backoffs.ForgetJob(number);
   state_->ready.Remove(number);
   state_->jobs.Remove(number);
@@ -58,6 +57,14 @@ void Jobs::Resume(const JobId& id) {
 void Jobs::SetPriority(const JobId& id, int priority) {
   if (const Job* job = state_->jobs.Find(id); job != nullptr)
     state_->ready.SetPriority(job->number, priority);
+}
+
+void Jobs::SetTurn(const JobId& id, int64_t turn) {
+  if (const Job* job = state_->jobs.Find(id); job != nullptr) state_->ready.SetTurn(job->number, turn);
+}
+
+int64_t Jobs::TurnOfFirst(const JobId& id) const {
+  return state_->ready.share().FirstTurn(state_->jobs.Get(id).number);
 }
 
 JobProgress Jobs::Progress(const JobId& id) const {

@@ -38,6 +38,10 @@ class Jobs {
   void Pause(const job::JobId& job);
   void Resume(const job::JobId& job);
   void SetPriority(const job::JobId& job, int priority);
+  /// See JobOptions::turn; no effect on an unknown job.
+  void SetTurn(const job::JobId& job, int64_t turn);
+  /// The least turn of the active jobs that have the user and priority of this one. O(jobs).
+  int64_t TurnOfFirst(const job::JobId& job) const;
 
   /// The job must be known, here and below.
   JobProgress Progress(const job::JobId& job) const;

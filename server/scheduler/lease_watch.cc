@@ -55,6 +55,9 @@ std::vector<LateLease> LeaseWatch::Heartbeat(WorkerId worker, absl::Span<const H
 void LeaseWatch::Renew(Attempt attempt, int64_t progress, absl::Time now) {
   Lease lease = *state_->leases.Find(attempt);
   if (progress != lease.progress) lease.progressed = now;
+  if (!lease.received)
+    state_->workers.Change(lease.worker,
+                           [&](Worker& worker) { worker.ahead.AddRoundTrip(now - lease.granted); });
   lease.received = true;
   lease.progress = progress;
   lease.deadline = std::min(now + state_->options.lease, lease.progressed + state_->options.stall);
@@ -64,15 +67,15 @@ void LeaseWatch::Renew(Attempt attempt, int64_t progress, absl::Time now) {
 LateLease LeaseWatch::Drop(Attempt attempt) {
   Lease lease = *state_->leases.Find(attempt);
   lease.received = true;
-  LateLease dropped{state_->jobs.RefOf(lease.unit), lease.worker, Lateness::kDropped, CountLoss(lease)};
+  CountLoss(lease);
   // As after a failure: otherwise a worker that drops the first free unit would get it again and again.
   if (lease.audit) {
     state_->audits.Decline(lease.unit, state_->workers.Find(lease.worker)->traits.name);
   } else {
-    state_->health.CountDrop(lease.unit, lease.worker);
+    state_->evidence.AddDrop(lease.unit, lease.worker, *state_->workers.Find(lease.worker));
   }
   leasing_->Release(attempt, RetryReason::kDropped);
-  return dropped;
+  return {state_->jobs.RefOf(lease.unit), lease.worker, Lateness::kDropped};
 }
 
 std::vector<LateLease> LeaseWatch::Expire(absl::Time now) {
@@ -82,7 +85,7 @@ std::vector<LateLease> LeaseWatch::Expire(absl::Time now) {
   for (const Attempt attempt : state_->leases.Checks(now)) {
     if (!BecomesOverdue(attempt, now)) continue;
     const Lease& lease = *state_->leases.Find(attempt);
-    late.push_back({state_->jobs.RefOf(lease.unit), lease.worker, Lateness::kOverdue, ""});
+    late.push_back({state_->jobs.RefOf(lease.unit), lease.worker, Lateness::kOverdue});
   }
   return late;
 }
@@ -90,8 +93,7 @@ std::vector<LateLease> LeaseWatch::Expire(absl::Time now) {
 LateLease LeaseWatch::End(Attempt attempt) {
   const Lease lease = *state_->leases.Find(attempt);
   const bool stalled = lease.deadline >= lease.progressed + state_->options.stall;
-  LateLease ended{state_->jobs.RefOf(lease.unit), lease.worker,
-                  stalled ? Lateness::kStalled : Lateness::kSilent, CountLoss(lease)};
+  CountLoss(lease);
   if (stalled) {
     state_->workers.TakeSlot(lease.worker);
     stalled_.emplace(lease.worker, attempt);
@@ -102,7 +104,7 @@ LateLease LeaseWatch::End(Attempt attempt) {
   }
   ++expired_;
   leasing_->Revoke(attempt, stalled ? RetryReason::kStalled : RetryReason::kExpired);
-  return ended;
+  return {state_->jobs.RefOf(lease.unit), lease.worker, stalled ? Lateness::kStalled : Lateness::kSilent};
 }
 
 bool LeaseWatch::BecomesOverdue(Attempt attempt, absl::Time now) {
@@ -120,16 +122,22 @@ bool LeaseWatch::BecomesOverdue(Attempt attempt, absl::Time now) {
   return true;
 }
 
-std::string LeaseWatch::CountLoss(const Lease& lease) {
-  if (lease.audit) return "";  // a worker has rendered the unit
-  state_->quarantine.AddLoss(lease.unit, state_->workers.Find(lease.worker)->traits.name);
-  if (!lease.alone || !lease.received) return "";
-  const std::multiset<std::string>& losses = state_->quarantine.LossesOf(lease.unit);
-  const std::set<std::string> distinct(losses.begin(), losses.end());
-  std::vector<std::string> names(distinct.begin(), distinct.end());
+void LeaseWatch::CountLoss(const Lease& lease) {
+  if (lease.audit || !lease.received) return;  // a worker has rendered the unit; or this one did not begin it
+  const Worker& worker = *state_->workers.Find(lease.worker);
+  state_->quarantine.AddLoss(lease.unit, worker.traits.party, worker.units_done > 0);
+  if (!lease.alone) return;
+  const Quarantine::Losses losses = state_->quarantine.LossesOf(lease.unit);
+  std::vector<std::string> names;
+  for (auto it = losses.begin(); it != losses.end(); it = losses.upper_bound(it->first))
+    names.push_back(it->first);
   if (names.size() > kMaxNames) names.resize(kMaxNames);
-  return absl::StrCat(Describe(state_->jobs.RefOf(lease.unit)), ": workers were lost with it ", losses.size(),
-                      " times, the last one while it rendered nothing else: ", absl::StrJoin(names, ", "));
+  const std::string error =
+      absl::StrCat(Describe(state_->jobs.RefOf(lease.unit)), ": workers were lost with it ", losses.size(),
+                   " times, the last one while it rendered nothing else: ", absl::StrJoin(names, ", "));
+  for (const auto& [party, witness] : losses)
+    state_->evidence.AddLoss(lease.unit, party, witness, error, state_->latest);
+  disputes_->Judge(lease.unit, state_->latest);
 }
 
 void LeaseWatch::NoteAbsence(const Lease& lease) {
@@ -139,8 +147,10 @@ void LeaseWatch::NoteAbsence(const Lease& lease) {
 
 void LeaseWatch::TakeBackLosses(WorkerId worker) {
   const WorkerTraits& traits = state_->workers.Find(worker)->traits;
-  for (const UnitIndex& unit : state_->quarantine.TakeBackLosses(traits.instance, traits.name))
-    leasing_->Return(unit);
+  for (const UnitIndex& unit : state_->quarantine.TakeBackLosses(traits.instance, traits.party)) {
+    state_->evidence.RetractLoss(unit, traits.party);
+    if (state_->quarantine.Release(unit)) leasing_->Return(unit);
+  }
 }
 
 void LeaseWatch::Remove(WorkerId worker) {

@@ -9,6 +9,7 @@
 #include "absl/time/time.h"
 #include "absl/types/span.h"
 #include "server/job/ids.h"
+#include "server/scheduler/disputes.h"
 #include "server/scheduler/leasing.h"
 #include "server/scheduler/state.h"
 #include "server/scheduler/types.h"
@@ -21,8 +22,9 @@ namespace lumifold::scheduler {
 /// Threads: one at a time.
 class LeaseWatch {
  public:
-  /// Both must outlive it.
-  LeaseWatch(State* state, Leasing* leasing) : state_(state), leasing_(leasing) {}
+  /// All must outlive it.
+  LeaseWatch(State* state, Leasing* leasing, Disputes* disputes)
+      : state_(state), leasing_(leasing), disputes_(disputes) {}
 
   /// Renews the worker's leases that are in `held` and have progressed within SchedulerOptions::stall, and
   /// ends those that are not in `held`, except leases with an attempt above `newest`, the last attempt that
@@ -37,9 +39,9 @@ class LeaseWatch {
   /// Leases that expired, since the start.
   int64_t expired() const { return expired_; }
 
-  /// Counts the loss of a worker with a unit. Returns the job's error if the unit was in quarantine and the
-  /// worker has said that it received the lease.
-  std::string CountLoss(const Lease& lease);
+  /// Counts the loss of a worker with a unit, unless the worker has not said that it received the lease. If
+  /// it rendered nothing else, those that were lost with the unit call it impossible, see Disputes.
+  void CountLoss(const Lease& lease);
   /// The worker of the lease, which counted as lost with its unit, may come back.
   void NoteAbsence(const Lease& lease);
   /// The worker's process is here again.
@@ -56,6 +58,7 @@ class LeaseWatch {
 
   State* const state_;
   Leasing* const leasing_;
+  Disputes* const disputes_;
   std::set<std::pair<job::WorkerId, job::Attempt>> stalled_;  // revoked, but still in a slot of the worker
   int64_t expired_ = 0;
 };

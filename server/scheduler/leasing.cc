@@ -14,17 +14,15 @@ Leasing::Leasing(State* state) : state_(state), next_attempt_(state->options.fir
 GrantedLease Leasing::Grant(const UnitIndex& unit, WorkerId worker, absl::Time now, Kind kind) {
   const Attempt attempt(next_attempt_++);
   const double slowness = state_->workers.Find(worker)->slowness;
-  const absl::Time check = kind == Kind::kOrdinary
-                               ? state_->second_leases.LateTime(state_->KindOf(unit), slowness, now)
-                               : absl::InfiniteFuture();
-  state_->leases.Add(attempt, {.unit = unit,
-                               .worker = worker,
-                               .granted = now,
-                               .deadline = now + std::min(state_->options.lease, state_->options.stall),
-                               .progressed = now,
-                               .check = check,
-                               .alone = kind == Kind::kAlone,
-                               .audit = kind == Kind::kAudit});
+  Lease lease{.unit = unit,
+              .worker = worker,
+              .granted = now,
+              .deadline = now + std::min(state_->options.lease, state_->options.stall),
+              .progressed = now,
+              .alone = kind == Kind::kAlone,
+              .audit = kind == Kind::kAudit};
+  state_->second_leases.Schedule(state_->KindOf(unit), slowness, &lease);
+  state_->leases.Add(attempt, lease);
   state_->ready.Granted(unit.job, now);
   state_->workers.Change(worker, [&](Worker& changed) {
     ++changed.busy;

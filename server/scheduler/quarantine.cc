@@ -16,46 +16,51 @@ constexpr int kMaxCandidates = 16;
 
 }  // namespace
 
-void Quarantine::AddLoss(const UnitIndex& unit, const std::string& worker) { losses_[unit].insert(worker); }
+void Quarantine::AddLoss(const UnitIndex& unit, const std::string& party, bool witness) {
+  losses_[unit].emplace(party, witness);
+}
 
-const std::multiset<std::string>& Quarantine::LossesOf(const UnitIndex& unit) const {
-  static const auto* const none = new std::multiset<std::string>;
+const Quarantine::Losses& Quarantine::LossesOf(const UnitIndex& unit) const {
+  static const auto* const none = new Losses;
   const auto found = losses_.find(unit);
   return found == losses_.end() ? *none : found->second;
 }
 
 bool Quarantine::IsSuspect(const UnitIndex& unit) const {
-  const std::multiset<std::string>& lost = LossesOf(unit);
-  if (static_cast<int>(lost.size()) >= 2 * max_lost_workers_) return true;
-  return static_cast<int>(std::set<std::string>(lost.begin(), lost.end()).size()) >= max_lost_workers_;
+  const Losses& losses = LossesOf(unit);
+  if (static_cast<int>(losses.size()) >= 2 * max_lost_workers_) return true;
+  int parties = 0;
+  for (auto it = losses.begin(); it != losses.end(); it = losses.upper_bound(it->first)) ++parties;
+  return parties >= max_lost_workers_;
 }
 
 void Quarantine::NoteAbsence(uint64_t instance, const UnitIndex& unit) {
   if (instance != 0) lost_with_[instance].push_back(unit);
 }
 
-std::vector<UnitIndex> Quarantine::TakeBackLosses(uint64_t instance, const std::string& worker) {
-  std::vector<UnitIndex> released;
+std::vector<UnitIndex> Quarantine::TakeBackLosses(uint64_t instance, const std::string& party) {
   const auto lost_with = lost_with_.extract(instance);
-  if (lost_with.empty()) return released;
+  if (lost_with.empty()) return {};
   for (const UnitIndex& unit : lost_with.mapped()) {
     const auto losses = losses_.find(unit);
     if (losses == losses_.end()) continue;  // it was accepted since
-    if (const auto loss = losses->second.find(worker); loss != losses->second.end())
+    if (const auto loss = losses->second.find(party); loss != losses->second.end())
       losses->second.erase(loss);
-    if (!IsSuspect(unit) && waiting_.erase(unit) > 0) released.push_back(unit);
   }
-  return released;
+  return lost_with.mapped();
 }
 
-void Quarantine::Reserve(absl::FunctionRef<const Requirement*(const UnitIndex&)> requirement_of) {
+bool Quarantine::Release(const UnitIndex& unit) { return !IsSuspect(unit) && waiting_.erase(unit) > 0; }
+
+void Quarantine::Reserve(absl::FunctionRef<const Requirement*(const UnitIndex&)> requirement_of,
+                         absl::FunctionRef<bool(const Worker&, const UnitIndex&)> may_render) {
   size_t looked_at = 0;
   for (auto it = waiting_.begin();
        it != waiting_.end() && reservations_.size() < kMaxReservations && looked_at < kMaxReservations;
        ++looked_at) {
     const Requirement* requirement = requirement_of(*it);
     const std::optional<WorkerId> worker =
-        requirement == nullptr ? std::nullopt : FindWorkerFor(*it, *requirement);
+        requirement == nullptr ? std::nullopt : FindWorkerFor(*it, *requirement, may_render);
     if (!worker.has_value()) {
       ++it;
       continue;
@@ -66,20 +71,21 @@ void Quarantine::Reserve(absl::FunctionRef<const Requirement*(const UnitIndex&)>
   }
 }
 
-std::optional<WorkerId> Quarantine::FindWorkerFor(const UnitIndex& unit,
-                                                  const Requirement& requirement) const {
+std::optional<WorkerId> Quarantine::FindWorkerFor(
+    const UnitIndex& unit, const Requirement& requirement,
+    absl::FunctionRef<bool(const Worker&, const UnitIndex&)> may_render) const {
   std::optional<int> kind = workers_->NextFreeKind(-1);
   while (kind.has_value() && !requirement.Admits(workers_->KindOf(*kind)))
     kind = workers_->NextFreeKind(*kind);
   if (!kind.has_value()) return std::nullopt;
-  const std::multiset<std::string>& lost = LossesOf(unit);
+  const Losses& lost = LossesOf(unit);
   std::optional<WorkerId> best;
   int best_score = -1;
   std::optional<WorkerId> worker = workers_->NextFree(*kind, WorkerId(-1));
   for (int i = 0; i < kMaxCandidates && worker.has_value(); ++i) {
     const Worker& state = *workers_->Find(*worker);
-    const int score = (lost.contains(state.traits.name) ? 0 : 2) + (state.busy == 0 ? 1 : 0);
-    if (score > best_score) {
+    const int score = (lost.contains(state.traits.party) ? 0 : 2) + (state.busy == 0 ? 1 : 0);
+    if (score > best_score && may_render(state, unit)) {
       best = worker;
       best_score = score;
     }

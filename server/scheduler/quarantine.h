@@ -27,17 +27,21 @@ class Quarantine {
   Quarantine(int max_lost_workers, WorkerPool* workers)
       : max_lost_workers_(max_lost_workers), workers_(workers) {}
 
-  /// A worker of this name was lost with the unit.
-  void AddLoss(const UnitIndex& unit, const std::string& worker);
-  /// The names of these workers, once for each loss.
-  const std::multiset<std::string>& LossesOf(const UnitIndex& unit) const;
+  /// Parties that lost workers with a unit, once for each loss, and whether the worker was a witness.
+  using Losses = std::multimap<std::string, bool>;
+
+  /// A worker of this party was lost with the unit.
+  void AddLoss(const UnitIndex& unit, const std::string& party, bool witness);
+  const Losses& LossesOf(const UnitIndex& unit) const;
   /// O(losses of the unit).
   bool IsSuspect(const UnitIndex& unit) const;
   /// The process with this WorkerTraits::instance, which was counted as lost with the unit, may come back.
   void NoteAbsence(uint64_t instance, const UnitIndex& unit);
   /// The process is here again: what it was lost with did not end it, and is no suspect because of it.
-  /// Returns the units that leave the quarantine for that.
-  std::vector<UnitIndex> TakeBackLosses(uint64_t instance, const std::string& worker);
+  /// Returns these units.
+  std::vector<UnitIndex> TakeBackLosses(uint64_t instance, const std::string& party);
+  /// Whether the unit, which was waiting, leaves the quarantine because it is no suspect any more.
+  bool Release(const UnitIndex& unit);
 
   /// The unit, which is suspect and free, waits for a worker of its own.
   void Enter(const UnitIndex& unit) { waiting_.insert(unit); }
@@ -45,7 +49,9 @@ class Quarantine {
   const std::set<UnitIndex>& waiting() const { return waiting_; }
   /// Reserves workers for waiting units. `requirement_of` says what a unit requires, null for one that is not
   /// to be leased now. O(units and workers that it looks at), which are bounded.
-  void Reserve(absl::FunctionRef<const Requirement*(const UnitIndex&)> requirement_of);
+  /// `may_render` excludes workers that `requirement_of` admits.
+  void Reserve(absl::FunctionRef<const Requirement*(const UnitIndex&)> requirement_of,
+               absl::FunctionRef<bool(const Worker&, const UnitIndex&)> may_render);
   /// Reserved workers that have no other leases any more, each with its unit, which is to be leased now.
   std::vector<std::pair<job::WorkerId, UnitIndex>> TakeReady();
   /// Ends a reservation whose unit is not leased: the unit waits again.
@@ -66,12 +72,14 @@ class Quarantine {
     bool leased = false;  // otherwise the worker still has other leases
   };
 
-  std::optional<job::WorkerId> FindWorkerFor(const UnitIndex& unit, const Requirement& requirement) const;
+  std::optional<job::WorkerId> FindWorkerFor(
+      const UnitIndex& unit, const Requirement& requirement,
+      absl::FunctionRef<bool(const Worker&, const UnitIndex&)> may_render) const;
   void SetReserved(job::WorkerId worker, bool reserved);
 
   const int max_lost_workers_;
   WorkerPool* const workers_;
-  std::map<UnitIndex, std::multiset<std::string>> losses_;
+  std::map<UnitIndex, Losses> losses_;
   std::set<UnitIndex> waiting_;
   std::map<job::WorkerId, Reservation> reservations_;
   /// Units that processes were lost with which have not come back, by WorkerTraits::instance.

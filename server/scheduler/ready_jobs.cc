@@ -17,8 +17,9 @@ constexpr int64_t kGrantsPerWaiting = 8;
 ReadyJobs::ReadyJobs(const SchedulerOptions& options, const WorkerPool* workers)
     : locality_(options.locality), longest_wait_(options.longest_wait), workers_(workers) {}
 
-void ReadyJobs::Add(int64_t job, const std::string& user, int priority, const Requirement& requirement) {
-  share_.AddJob(job, user, priority);
+void ReadyJobs::Add(int64_t job, const JobOptions& options) {
+  share_.AddJob(job, options.user, options.priority, options.turn);
+  const Requirement requirement = Requirement::Of(options.numeric_class, options.tags);
   LUMIFOLD_CHECK(entries_.emplace(job, Entry{Enter(requirement)}).second);
 }
 
@@ -103,7 +104,7 @@ std::optional<int64_t> ReadyJobs::Next(const Worker& worker, const std::set<int6
     if (queue.IsEmpty()) return;
     const std::optional<FairShare::Candidate> candidate = share_.First(queue, passed);
     if (candidate.has_value() && (!first.has_value() || *candidate < *first)) first = candidate;
-    longest_waiting = std::min(longest_waiting, *FairShare::LongestWaiting(queue));
+    longest_waiting = std::min(longest_waiting, *share_.LongestWaiting(queue));
     may_stay = may_stay || (last_is_known && share_.QueueOf(last) == &queue);
   };
   for (auto& [requirement, demand] : demands_) {

@@ -23,8 +23,9 @@ enum class Readiness {
 /// Which jobs have units to give, to which workers, and whose turn it is. Pure state. Time: O(log n) for each
 /// call, and for each distinct pair of class and tags that ready jobs require where it concerns workers.
 ///
-/// Order: users and jobs by fair share (fair_share.h), except that a worker goes on with the job whose
-/// scene it has loaded while that job is not far ahead of its share, and that no ready job waits for ever.
+/// Order: users and priorities by fair share and jobs of these by their turns (fair_share.h), except that a
+/// worker goes on with the job whose scene it has loaded while that is its user's first one and not far ahead
+/// of its share, and that no user's first job waits for ever.
 ///
 /// Frames in flight: a frame is active from the first lease or committed unit until its result is written.
 /// Frames count against SetMaxActiveFrames while their job is not paused and a worker that may render it is
@@ -37,10 +38,11 @@ class ReadyJobs {
   ReadyJobs(const SchedulerOptions& options, const WorkerPool* workers);
 
   /// Adds a job with a new number; it is not ready, and has no active frames.
-  void Add(int64_t job, const std::string& user, int priority, const Requirement& requirement);
+  void Add(int64_t job, const JobOptions& options);
   /// Here and below the job is known. Its active frames no longer count.
   void Remove(int64_t job);
   void SetPriority(int64_t job, int priority) { share_.SetPriority(job, priority); }
+  void SetTurn(int64_t job, int64_t turn) { share_.SetTurn(job, turn); }
   const Requirement& RequirementOf(int64_t job) const { return entries_.at(job).demand->first; }
   /// Changes what the job requires; it is not ready then. Its active frames do not count at the time.
   void SetRequirement(int64_t job, const Requirement& requirement, absl::Time now);
@@ -68,9 +70,7 @@ class ReadyJobs {
   /// A lease of the job has ended after `slot_time`.
   void Ended(int64_t job, absl::Duration slot_time) { share_.Ended(job, slot_time); }
 
-  const std::string& UserOf(int64_t job) const { return share_.UserOf(job); }
-  /// See FairShare.
-  double ShareOfUser(int64_t job) const { return share_.ShareOfUser(job); }
+  const FairShare& share() const { return share_; }
 
  private:
   /// The jobs that need the same workers.

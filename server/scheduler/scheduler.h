@@ -5,6 +5,7 @@
 #include "absl/time/time.h"
 #include "server/job/ids.h"
 #include "server/scheduler/audits.h"
+#include "server/scheduler/disputes.h"
 #include "server/scheduler/frames.h"
 #include "server/scheduler/grants.h"
 #include "server/scheduler/jobs.h"
@@ -49,6 +50,8 @@ class Scheduler {
   /// Ends what is over at `now`: leases (see LeaseWatch::Expire), pauses of units, audits that nobody can
   /// settle, and cool-downs of workers.
   std::vector<LateLease> ExpireLeases(absl::Time now);
+  /// Jobs that cannot go on, as it turned out since the last call; each once. The caller ends them.
+  std::vector<FailedJob> TakeFailedJobs();
   /// When ExpireLeases has something to do next; InfiniteFuture if nothing is due.
   absl::Time NextExpiry() const;
 
@@ -61,6 +64,7 @@ class Scheduler {
   State state_;
   Leasing leasing_;
   Frames frames_;
+  Disputes disputes_;
   LeaseWatch watch_;
   Workers workers_;
   Audits audits_;

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <iterator>
 
-#include "filter/image/check.h"
-
 namespace lumifold::scheduler {
 
 using job::Attempt;
@@ -30,7 +28,8 @@ constexpr absl::Duration kLeastLate = absl::Milliseconds(200);
 }  // namespace
 
 SecondLeases::SecondLeases(const SchedulerOptions& options)
-    : late_factor_(options.late_factor),
+    : standstill_(options.lease),
+      late_factor_(options.late_factor),
       overdue_factor_(options.overdue_factor),
       overdue_least_(options.overdue_least) {}
 
@@ -47,12 +46,6 @@ std::optional<absl::Duration> SecondLeases::MeanOf(const Kind& kind) const {
   return times.count < kMinTimedUnits ? std::nullopt : std::optional(times.sum / times.count);
 }
 
-absl::Duration SecondLeases::KnownMeanOf(const Kind& kind) const {
-  const std::optional<absl::Duration> mean = MeanOf(kind);
-  LUMIFOLD_CHECK(mean.has_value());
-  return *mean;
-}
-
 void SecondLeases::Rate(absl::Duration time, absl::Duration mean, Worker* worker) {
   worker->rated = std::min(worker->rated + 1, kRatedUnits);
   worker->slowness += (absl::FDivDuration(time, mean) - worker->slowness) / worker->rated;
@@ -64,27 +57,26 @@ absl::Time SecondLeases::OverdueTime(const Kind& kind, absl::Time granted) const
   return granted + std::max(overdue_factor_ * *mean, overdue_least_);
 }
 
-absl::Time SecondLeases::LateTime(const Kind& kind, double slowness, absl::Time granted) const {
+absl::Time SecondLeases::LateTime(const Kind& kind, double slowness, const Lease& lease) const {
   const std::optional<absl::Duration> mean = MeanOf(kind);
-  if (!mean.has_value()) return absl::InfiniteFuture();
+  if (!mean.has_value()) return lease.progressed + standstill_;
   const absl::Duration late =
       std::max(slowness >= kSlow ? absl::ZeroDuration() : late_factor_ * *mean, kLeastLate);
-  return std::min(granted + late, OverdueTime(kind, granted));
+  return std::min(lease.granted + late, OverdueTime(kind, lease.granted));
 }
 
 void SecondLeases::Schedule(const Kind& kind, double slowness, Lease* lease) const {
   if (lease->alone || lease->audit || lease->is_overdue) return;
-  lease->check =
-      lease->is_late ? OverdueTime(kind, lease->granted) : LateTime(kind, slowness, lease->granted);
+  lease->check = lease->is_late ? OverdueTime(kind, lease->granted) : LateTime(kind, slowness, *lease);
 }
 
 bool SecondLeases::MarkLate(const Kind& kind, double slowness, absl::Time now, Lease* lease) const {
   if (lease->is_late) return false;
-  lease->check = LateTime(kind, slowness, lease->granted);  // the mean may have risen since
+  lease->check = LateTime(kind, slowness, *lease);  // the mean may have risen, or the unit advanced, since
   lease->is_late = lease->check <= now;
   if (!lease->is_late) return false;
   // A unit that takes long already is expected to take as long again, as long times are spread.
-  const absl::Duration usual = slowness * KnownMeanOf(kind);
+  const absl::Duration usual = slowness * MeanOf(kind).value_or(absl::ZeroDuration());
   lease->expected_end = lease->granted + std::max(usual, 2 * (now - lease->granted));
   lease->check = OverdueTime(kind, lease->granted);
   return true;
@@ -99,7 +91,9 @@ bool SecondLeases::MarkOverdue(const Kind& kind, absl::Time now, Lease* lease) c
 }
 
 bool SecondLeases::IsWorthwhile(const Lease& late, const Kind& kind, double slowness, absl::Time now) const {
-  const absl::Duration expected = slowness * KnownMeanOf(kind);
+  const std::optional<absl::Duration> mean = MeanOf(kind);
+  if (!mean.has_value()) return true;  // the lease stands still
+  const absl::Duration expected = slowness * *mean;
   const absl::Duration held = now - late.granted;
   return now + expected < std::max(late.expected_end, now + held / 2);
 }

@@ -44,15 +44,14 @@ class SecondLeases {
   bool CountTime(const Kind& kind, absl::Duration time);
   /// Mean of the accepted units of a kind; nullopt if they are too few to tell.
   std::optional<absl::Duration> MeanOf(const Kind& kind) const;
-  /// The same of a kind of which a lease is late or overdue.
-  absl::Duration KnownMeanOf(const Kind& kind) const;
   /// Relates the worker's time for a unit to the mean of its kind.
   static void Rate(absl::Duration time, absl::Duration mean, Worker* worker);
 
   /// When a lease granted at `granted` is overdue; InfiniteFuture if the mean is not known.
   absl::Time OverdueTime(const Kind& kind, absl::Time granted) const;
-  /// When it is late; not after it is overdue. `slowness`: of its worker.
-  absl::Time LateTime(const Kind& kind, double slowness, absl::Time granted) const;
+  /// When the lease is late; not after it is overdue. Where the mean is not known, as for a plan unit, it is
+  /// late when it has made no progress for the length of a lease. `slowness`: of its worker.
+  absl::Time LateTime(const Kind& kind, double slowness, const Lease& lease) const;
   /// Sets when an ordinary lease is checked next.
   void Schedule(const Kind& kind, double slowness, Lease* lease) const;
   /// Checks a lease whose check is not after `now`. True if it is late from now on.
@@ -82,6 +81,7 @@ class SecondLeases {
     absl::Duration sum;
   };
 
+  const absl::Duration standstill_;
   const double late_factor_;
   const double overdue_factor_;
   const absl::Duration overdue_least_;

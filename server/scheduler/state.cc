@@ -18,9 +18,11 @@ State::State(const SchedulerOptions& scheduler_options)
       ready(options, &workers),
       second_leases(options),
       audits(options.audit_patience),
-      quarantine(options.max_lost_workers, &workers),
+      quarantine(options.disputes.max_lost_workers, &workers),
+      evidence(options),
       health(options, &workers),
-      backoffs(options) {}
+      backoffs(options),
+      accepted(options.uncommitted_bytes) {}
 
 const Lease* State::FindLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const {
   const Lease* lease = leases.Find(attempt);

@@ -1,14 +1,16 @@
 #pragma once
 
 #include <algorithm>
-#include <map>
+#include <vector>
 
 #include "absl/time/time.h"
 #include "server/job/ids.h"
 #include "server/job/unit.h"
+#include "server/scheduler/accepted_units.h"
 #include "server/scheduler/active_jobs.h"
 #include "server/scheduler/audit_book.h"
 #include "server/scheduler/backoffs.h"
+#include "server/scheduler/evidence.h"
 #include "server/scheduler/lease_table.h"
 #include "server/scheduler/name_table.h"
 #include "server/scheduler/quarantine.h"
@@ -45,10 +47,12 @@ struct State {
   SecondLeases second_leases;
   AuditBook audits;
   Quarantine quarantine;
+  Evidence evidence;
   WorkerHealth health;
   Backoffs backoffs;
-  NameTable deliverers;                         // of the units of active frames
-  std::map<UnitIndex, job::WorkerId> accepted;  // units that are not committed; each fills a slot
+  NameTable deliverers;  // of the units of active frames
+  AcceptedUnits accepted;
+  std::vector<FailedJob> failed;  // that the caller has not taken yet
 };
 
 }  // namespace lumifold::scheduler

@@ -4,6 +4,7 @@ namespace lumifold::scheduler {
 
 JobOptions OptionsOf(const v1::Scheduling& scheduling) {
   return {.priority = scheduling.priority(),
+          .turn = scheduling.turn_ms(),
           .user = scheduling.user(),
           .tags = {scheduling.tags().begin(), scheduling.tags().end()},
           .max_leases = scheduling.max_leases(),

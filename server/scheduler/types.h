@@ -18,6 +18,21 @@
 /// What goes into the scheduler and comes out of it.
 namespace lumifold::scheduler {
 
+/// When a unit that fails again and again fails its job, see Disputes.
+struct DisputeOptions {
+  /// A party that has failed a unit this many times calls it impossible.
+  int max_failures = 3;
+  /// A unit with which this many parties were lost, or twice as many times any, is in quarantine: it is
+  /// leased once more, to a worker that then renders nothing else. If that is lost too, all these parties
+  /// call the unit impossible.
+  int max_lost_workers = 3;
+  /// Parties, or witnesses among them, that fail a job if they call one of its units impossible.
+  int deciding_parties = 3;
+  int deciding_witnesses = 2;
+  /// How long others are waited for who might render a unit that was called impossible.
+  absl::Duration patience = absl::Minutes(1);
+};
+
 struct SchedulerOptions {
   /// Time from the grant or renewal of a lease to its expiry.
   absl::Duration lease = absl::Seconds(30);
@@ -28,28 +43,27 @@ struct SchedulerOptions {
   /// accepted units of its job and kind, and for longer than `overdue_least`.
   double overdue_factor = 4;
   absl::Duration overdue_least = absl::Seconds(10);
-  /// A job fails when one of its units has failed this many times.
-  int max_failures = 3;
-  /// A unit with which this many workers were lost, or twice as many times any, is in quarantine: it is
-  /// leased once more, to a worker that then renders nothing else. If that is lost too, the job fails.
-  int max_lost_workers = 3;
+  DisputeOptions disputes{};
   /// How long a failed unit waits before it is leased again, by the number of its failures.
   retry::Pauses backoff = {.first = absl::Seconds(1), .longest = absl::Seconds(60)};
   /// A worker that failed units of this many jobs within `cool_down`, each rendered by another worker since,
   /// gets no leases for `cool_down`.
   int max_attributed_jobs = 2;
   absl::Duration cool_down = absl::Minutes(5);
-  /// A worker goes on with the job it rendered last, whose scene it has loaded, while the job and its user
-  /// are ahead of their shares by no more than this.
+  /// A worker goes on with the job it rendered last, whose scene it has loaded, while its user and priority
+  /// are ahead of their shares by no more than this, and none of their other jobs comes first.
   FairShare::Tolerance locality{};
-  /// A ready job that has waited this long gets every eighth lease, whatever its share.
+  /// The first ready job of a user and priority that have waited this long gets every eighth lease, whatever
+  /// its share.
   absl::Duration longest_wait = absl::Minutes(10);
   /// A unit is late when it has been leased for longer than `late_factor` times the mean of its job and kind,
   /// or at once if its worker is slow. Late units are leased a second time to idle slots that are expected to
   /// end earlier.
   double late_factor = 1.5;
   /// An audit for which no other worker has been available for this long is waived.
-  absl::Duration audit_patience = absl::Minutes(5);
+  absl::Duration audit_patience = absl::Seconds(30);
+  /// Bytes of accepted units beyond which a worker's slot stays taken until its unit is committed.
+  uint64_t uncommitted_bytes = uint64_t{256} << 20;
   /// Attempt of the first lease. After a restart it must be above all attempts granted before.
   job::Attempt first_attempt{1};
 };
@@ -57,6 +71,8 @@ struct SchedulerOptions {
 /// How a job is scheduled; nothing here changes the picture. v1::Scheduling documents the fields.
 struct JobOptions {
   int priority = 0;
+  /// Jobs of one user and priority get units in the order of their turns, then in that of their arrival.
+  int64_t turn = 0;
   std::string user{};
   std::vector<std::string> tags{};  // in any order
   int max_leases = 0;               // 0: no limit
@@ -77,10 +93,12 @@ JobOptions OptionsOf(const v1::Scheduling& scheduling);
 struct WorkerTraits {
   /// Whom losses and failures count against, over all its connections. Empty: the worker's id.
   std::string name{};
+  /// Workers of one party may err together: their word counts once. Empty: the name.
+  std::string party{};
   std::string numeric_class{};
   /// The same while the process lives, over all its connections, and of no other process; 0: not known.
   uint64_t instance = 0;
-  /// Maximum number of its units that are leased or accepted at a time, at least 1.
+  /// How many units it holds at a time, at least 1, see LeaseAhead and AcceptedUnits.
   int slots = 1;
   std::vector<std::string> tags{};  // in any order
 };
@@ -122,10 +140,22 @@ struct GrantedLease {
   bool audit = false;
 };
 
-/// A job that cannot go on; the caller ends it with this error.
+/// A job that cannot go on, see Disputes; the caller ends it with this error.
 struct FailedJob {
   job::JobId job;
   std::string error;
+};
+
+/// What a worker says of a unit that it could not render.
+struct UnitFailure {
+  bool permanent = false;  // every worker would have it
+  std::string error{};     // one line
+};
+
+/// What a delivered unit took.
+struct UnitCost {
+  absl::Duration rendering{};
+  uint64_t bytes = 0;
 };
 
 /// A lease as its worker reports it in a heartbeat.
@@ -203,8 +233,6 @@ struct LateLease {
   job::UnitRef unit;
   job::WorkerId worker;
   Lateness lateness = Lateness::kSilent;
-  /// Not empty: the job cannot go on, and the caller ends it with this error.
-  std::string job_error;
 };
 
 /// Outcome of the delivery of a unit.
@@ -214,13 +242,6 @@ enum class Completion {
   kDuplicate,  // the unit is already accepted or committed
   kStale,      // the lease has ended or belongs to another worker
   kUnknown,    // no such unit, or the job has ended
-};
-
-/// Outcome of the failure of a unit.
-enum class FailureOutcome {
-  kRetried,   // the unit will be leased again
-  kJobFails,  // too many failures, or two workers say that it is permanent: the caller ends the job
-  kIgnored,   // the lease had ended already
 };
 
 /// Progress of an active job.

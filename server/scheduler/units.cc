@@ -13,8 +13,8 @@ using job::JobId;
 using job::UnitRef;
 using job::WorkerId;
 
-Units::Units(State* state, Frames* frames, Leasing* leasing, Audits* audits)
-    : state_(state), frames_(frames), leasing_(leasing), audits_(audits) {}
+Units::Units(State* state, Frames* frames, Leasing* leasing, Audits* audits, Disputes* disputes)
+    : state_(state), frames_(frames), leasing_(leasing), audits_(audits), disputes_(disputes) {}
 
 bool Units::HoldsLease(WorkerId worker, const UnitRef& unit, Attempt attempt) const {
   return state_->FindLease(worker, unit, attempt) != nullptr;
@@ -28,7 +28,7 @@ TileSamples Units::SamplesOf(const UnitRef& unit) const {
 }
 
 Completion Units::Complete(WorkerId worker, const UnitRef& unit, Attempt attempt, absl::Time now,
-                           absl::string_view digest) {
+                           absl::string_view digest, const UnitCost& cost) {
   state_->SetTime(now);
   const std::optional<UnitIndex> index = state_->jobs.IndexOf(unit);
   if (!index.has_value()) return Completion::kUnknown;
@@ -40,11 +40,11 @@ Completion Units::Complete(WorkerId worker, const UnitRef& unit, Attempt attempt
     return Completion::kAudited;
   }
   if (!holds_lease) return Completion::kStale;
-  OnAccepted(leasing_->Remove(attempt), now);
+  OnAccepted(leasing_->Remove(attempt), cost, now);
   job.is_bound = true;
   const WorkerTraits& traits = state_->workers.Find(worker)->traits;
   if (state_->RequirementOf(job).numeric_class.empty()) Bind(job, traits.numeric_class);
-  state_->accepted.emplace(*index, worker);
+  if (state_->accepted.Add(*index, worker, cost.bytes)) leasing_->ReleaseSlot(worker);
   FrameState& frame = *job.frames.Find(index->place.frame);
   const auto number = static_cast<size_t>(index->place.number);
   frame.taken[number] = true;
@@ -53,16 +53,21 @@ Completion Units::Complete(WorkerId worker, const UnitRef& unit, Attempt attempt
   return Completion::kAccepted;
 }
 
-void Units::OnAccepted(const Lease& lease, absl::Time now) {
+void Units::OnAccepted(const Lease& lease, const UnitCost& cost, absl::Time now) {
   const absl::Duration time = now - lease.granted;
   const std::optional<absl::Duration> mean = state_->second_leases.MeanOf(state_->KindOf(lease.unit));
   state_->workers.Change(lease.worker, [&](Worker& changed) {
     ++changed.units_done;
     changed.unit_time += time;
+    changed.ahead.AddUnit(cost.rendering, cost.bytes);
     if (mean.has_value() && *mean > absl::ZeroDuration()) SecondLeases::Rate(time, *mean, &changed);
   });
   CountTime(lease, now);
-  state_->health.AttributeFailures(lease.unit, lease.worker, now);
+  if (const Worker& worker = *state_->workers.Find(lease.worker); worker.units_done == 1)
+    state_->evidence.AddWitness(worker.traits.party);
+  for (const WorkerId failed : state_->evidence.Refute(lease.unit)) {
+    if (failed != lease.worker) state_->health.Attribute(failed, lease.unit.job, now);
+  }
   state_->backoffs.End(lease.unit);
   RevokeOtherLeases(lease.unit);
 }
@@ -89,41 +94,49 @@ void Units::Bind(Job& job, const std::string& numeric_class) {
   Requirement requirement = state_->RequirementOf(job);
   requirement.numeric_class = numeric_class;
   frames_->CountActive(job, false);
-  // No lease of the job is among the late ones: how long its units take is not known before it is bound.
+  const std::vector<Attempt> attempts = state_->leases.OfJob(job.number);
+  for (const Attempt attempt : attempts) {
+    Lease lease = *state_->leases.Find(attempt);
+    if (!lease.is_late) continue;  // it stood still
+    state_->second_leases.Remove(state_->RequirementOf(job), lease.expected_end, attempt);
+    lease.is_late = false;  // it is late again at the next check
+    lease.check = state_->latest;
+    state_->leases.Update(attempt, lease);
+  }
   state_->ready.SetRequirement(job.number, requirement, state_->latest);
   frames_->CountActive(job, true);
   state_->UpdateReady(job);
-  for (const Attempt attempt : state_->leases.OfJob(job.number)) {
+  for (const Attempt attempt : attempts) {
     const WorkerId worker = state_->leases.Find(attempt)->worker;
     if (state_->workers.Find(worker)->traits.numeric_class != numeric_class)
       leasing_->Revoke(attempt, RetryReason::kOtherClass);
   }
 }
 
-FailureOutcome Units::Fail(WorkerId worker, const UnitRef& unit, Attempt attempt, bool permanent,
-                           absl::Time now) {
+bool Units::Fail(WorkerId worker, const UnitRef& unit, Attempt attempt, const UnitFailure& failure,
+                 absl::Time now) {
   state_->SetTime(now);
-  if (!HoldsLease(worker, unit, attempt)) return FailureOutcome::kIgnored;
+  if (!HoldsLease(worker, unit, attempt)) return false;
   const Lease lease = leasing_->Remove(attempt);
   if (lease.audit) {
     audits_->Decline(lease.unit, worker);
     leasing_->ReleaseSlot(worker);
-    return FailureOutcome::kRetried;
+    return true;
   }
-  const WorkerHealth::Failures& failures = state_->health.CountFailure(lease.unit, worker, permanent);
+  const int failures = state_->evidence
+                           .AddFailure(lease.unit, worker, *state_->workers.Find(worker), failure.permanent,
+                                       failure.error, now)
+                           .failures;
   state_->workers.Change(worker, [](Worker& changed) { ++changed.units_failed; });
   leasing_->ReleaseSlot(worker);
-  const bool first_opinion = permanent && failures.permanent_by.size() == 1;
   if (leasing_->MayReturn(lease.unit)) {
-    ReturnAfter(lease.unit,
-                first_opinion ? absl::ZeroDuration() : state_->backoffs.LengthAfter(failures.count), now);
+    // Whoever calls it impossible gets it no more: another one is asked at once.
+    ReturnAfter(lease.unit, failure.permanent ? absl::ZeroDuration() : state_->backoffs.LengthAfter(failures),
+                now);
     leasing_->CountRetry(RetryReason::kFailed);
   }
-  const bool agreed = failures.permanent_by.size() >= 2;
-  const bool unopposed =
-      permanent && !state_->workers.HasOther(worker, state_->ready.RequirementOf(lease.unit.job));
-  return agreed || unopposed || failures.count >= state_->options.max_failures ? FailureOutcome::kJobFails
-                                                                               : FailureOutcome::kRetried;
+  disputes_->Judge(lease.unit, now);
+  return true;
 }
 
 void Units::ReturnAfter(const UnitIndex& unit, absl::Duration pause, absl::Time now) {
@@ -155,10 +168,8 @@ bool Units::Commit(const UnitRef& unit) {
 }
 
 void Units::EndAccepted(const UnitIndex& unit) {
-  const auto accepted = state_->accepted.find(unit);
-  LUMIFOLD_CHECK(accepted != state_->accepted.end());
-  leasing_->ReleaseSlot(accepted->second);  // the worker may have disconnected since
-  state_->accepted.erase(accepted);
+  if (const std::optional<WorkerId> worker = state_->accepted.Remove(unit))
+    leasing_->ReleaseSlot(*worker);  // it may have disconnected since
 }
 
 void Units::SetPlan(const UnitRef& unit, const v1::JobSpec& planned) {
@@ -177,7 +188,7 @@ void Units::SetPlan(const UnitRef& unit, const v1::JobSpec& planned) {
 
 bool Units::Revoke(const UnitRef& unit) {
   const std::optional<UnitIndex> index = state_->jobs.IndexOf(unit);
-  if (!index.has_value() || state_->accepted.contains(*index)) return false;
+  if (!index.has_value() || state_->accepted.Has(*index)) return false;
   Job& job = state_->jobs.Get(index->job);
   const Place& place = index->place;
   FrameState* const frame = job.frames.Find(place.frame);  // a finished frame has none

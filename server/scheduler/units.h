@@ -11,6 +11,7 @@
 #include "server/job/ids.h"
 #include "server/job/unit.h"
 #include "server/scheduler/audits.h"
+#include "server/scheduler/disputes.h"
 #include "server/scheduler/frames.h"
 #include "server/scheduler/leasing.h"
 #include "server/scheduler/state.h"
@@ -33,7 +34,7 @@ namespace lumifold::scheduler {
 class Units {
  public:
   /// All must outlive it.
-  Units(State* state, Frames* frames, Leasing* leasing, Audits* audits);
+  Units(State* state, Frames* frames, Leasing* leasing, Audits* audits, Disputes* disputes);
 
   bool HoldsLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
   /// Sample indices of a unit that is leased or accepted.
@@ -43,11 +44,10 @@ class Units {
   /// Records that a worker delivered a complete unit. `digest` is equal for equal pixels, and empty only
   /// where no job is audited.
   Completion Complete(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt, absl::Time now,
-                      absl::string_view digest = "");
-  /// Records that a worker could not render a unit. A permanent failure, which every worker would have, ends
-  /// the job when a second worker agrees, or at once if no other worker can be asked.
-  FailureOutcome Fail(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt, bool permanent,
-                      absl::Time now);
+                      absl::string_view digest = "", const UnitCost& cost = {});
+  /// Records that a worker could not render a unit, see Disputes. False if it does not hold the lease.
+  bool Fail(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt, const UnitFailure& failure,
+            absl::Time now);
   /// The worker will not deliver the unit: it is free at once. This is neither a failure nor a loss. False if
   /// the worker does not hold the lease.
   bool HandBack(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
@@ -75,18 +75,19 @@ class Units {
 
  private:
   /// The unit is accepted for `lease`: its worker is rated, and what it met before is forgotten.
-  void OnAccepted(const Lease& lease, absl::Time now);
+  void OnAccepted(const Lease& lease, const UnitCost& cost, absl::Time now);
   void CountTime(const Lease& lease, absl::Time now);
   void RevokeOtherLeases(const UnitIndex& unit);
   void Bind(Job& job, const std::string& numeric_class);
   void ReturnAfter(const UnitIndex& unit, absl::Duration pause, absl::Time now);
-  /// The unit, which is accepted, is committed: its worker has a free slot.
+  /// The unit, which is accepted, is committed.
   void EndAccepted(const UnitIndex& unit);
 
   State* const state_;
   Frames* const frames_;
   Leasing* const leasing_;
   Audits* const audits_;
+  Disputes* const disputes_;
 };
 
 }  // namespace lumifold::scheduler

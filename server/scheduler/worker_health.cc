@@ -11,41 +11,6 @@ using job::WorkerId;
 WorkerHealth::WorkerHealth(const SchedulerOptions& options, WorkerPool* workers)
     : max_attributed_jobs_(options.max_attributed_jobs), cool_down_(options.cool_down), workers_(workers) {}
 
-const WorkerHealth::Failures& WorkerHealth::CountFailure(const UnitIndex& unit, WorkerId worker,
-                                                         bool permanent) {
-  CountDrop(unit, worker);
-  Failures& failures = failures_.at(unit);
-  ++failures.count;
-  if (permanent) failures.permanent_by.insert(failures.last_worker);
-  return failures;
-}
-
-void WorkerHealth::CountDrop(const UnitIndex& unit, WorkerId worker) {
-  Failures& failures = failures_[unit];
-  failures.last_worker = workers_->Find(worker)->traits.name;
-  failures.workers.insert(worker);
-}
-
-bool WorkerHealth::WasLastToFail(const UnitIndex& unit, const std::string& name) const {
-  const auto failures = failures_.find(unit);
-  return failures != failures_.end() && failures->second.last_worker == name;
-}
-
-std::set<WorkerId> WorkerHealth::FailedWorkersOf(int64_t job) const {
-  std::set<WorkerId> workers;
-  for (auto it = failures_.lower_bound({job, {}}); it != failures_.end() && it->first.job == job; ++it)
-    workers.insert(it->second.workers.begin(), it->second.workers.end());
-  return workers;
-}
-
-void WorkerHealth::AttributeFailures(const UnitIndex& unit, WorkerId worker, absl::Time now) {
-  const auto failures = failures_.extract(unit);
-  if (failures.empty()) return;
-  for (const WorkerId failed : failures.mapped().workers) {
-    if (failed != worker) Attribute(failed, unit.job, now);
-  }
-}
-
 void WorkerHealth::Attribute(WorkerId worker, int64_t job, absl::Time now) {
   const Worker* state = workers_->Find(worker);
   if (state == nullptr || state->IsCooling()) return;
@@ -59,10 +24,6 @@ void WorkerHealth::Attribute(WorkerId worker, int64_t job, absl::Time now) {
   const absl::Time until = now + cool_down_;
   workers_->Change(worker, [until](Worker& changed) { changed.cools_until = until; });
   cooling_.push_back({worker, until, CoolDownReason(worker)});
-}
-
-void WorkerHealth::EndJob(int64_t job) {
-  failures_.erase(failures_.lower_bound({job, {}}), failures_.lower_bound({job + 1, {}}));
 }
 
 void WorkerHealth::EndCoolDown(WorkerId worker) {

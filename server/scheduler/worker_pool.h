@@ -12,6 +12,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/time/time.h"
 #include "server/job/ids.h"
+#include "server/scheduler/lease_ahead.h"
 #include "server/scheduler/types.h"
 
 namespace lumifold::scheduler {
@@ -30,7 +31,7 @@ struct Requirement {
 struct Worker {
   WorkerTraits traits;
   int kind = 0;               // number of its class and tags, see WorkerPool
-  int busy = 0;               // leases and accepted units
+  int busy = 0;               // leases, and accepted units that fill a slot
   bool unresponsive = false;  // a lease expired and no heartbeat came since
   bool reserved = false;      // for a unit in quarantine
   bool draining = false;
@@ -43,10 +44,13 @@ struct Worker {
   int64_t units_done = 0;
   int64_t units_failed = 0;
   absl::Duration unit_time;  // sum over units_done
+  LeaseAhead ahead;
 
   bool IsCooling() const { return cools_until != absl::InfinitePast(); }
   bool IsAvailable() const { return !unresponsive && !draining && !blocked && !IsCooling(); }
-  bool IsFree() const { return IsAvailable() && !reserved && busy < traits.slots; }
+  bool IsFree() const {
+    return IsAvailable() && !reserved && busy < traits.slots + ahead.Leases(traits.slots);
+  }
 };
 
 /// How a list shows the worker.

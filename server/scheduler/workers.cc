@@ -14,8 +14,11 @@ Workers::Workers(State* state, Leasing* leasing, LeaseWatch* watch)
 void Workers::Add(WorkerId worker, const WorkerTraits& traits) {
   WorkerTraits named = traits;
   if (named.name.empty()) named.name = job::TextOf(worker);
+  if (named.party.empty()) named.party = named.name;
+  const bool is_new_process = named.instance == 0 || !connections_.contains(named.instance);
   EndEarlierConnection(worker, named);
   state_->workers.Add(worker, named);
+  if (is_new_process) state_->evidence.AddProcess(named.party);
   watch_->TakeBackLosses(worker);
   if (!state_->health.IsBlocked(named.name)) return;
   state_->workers.Change(worker, [](Worker& changed) { changed.blocked = true; });
@@ -33,25 +36,22 @@ void Workers::EndEarlierConnection(WorkerId worker, const WorkerTraits& traits) 
     leasing_->Release(attempt, RetryReason::kWorkerLost);
 }
 
-std::vector<FailedJob> Workers::Remove(WorkerId worker) {
+void Workers::Remove(WorkerId worker) {
   if (const Worker* state = state_->workers.Find(worker); state != nullptr) {
     const auto connection = connections_.find(state->traits.instance);
     if (connection != connections_.end() && connection->second == worker) connections_.erase(connection);
   }
   state_->quarantine.Cancel(worker);
-  std::vector<FailedJob> failed;
   for (const Attempt attempt : state_->leases.OfWorker(worker)) {
     const Lease lease = *state_->leases.Find(attempt);
-    std::string error = watch_->CountLoss(lease);
+    watch_->CountLoss(lease);
     watch_->NoteAbsence(lease);
-    if (!error.empty()) failed.push_back({state_->jobs.Get(lease.unit.job).id, std::move(error)});
     leasing_->Release(attempt, RetryReason::kWorkerLost);
   }
   watch_->Remove(worker);
   state_->quarantine.Remove(worker);
   state_->health.Remove(worker);
   state_->workers.Remove(worker);
-  return failed;
 }
 
 void Workers::Drain(WorkerId worker) {

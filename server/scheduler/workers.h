@@ -28,7 +28,7 @@ class Workers {
   /// counts as no loss: its end has not been noticed yet, and it gets no more.
   void Add(job::WorkerId worker, const WorkerTraits& traits);
   /// Removes a worker; its leases end at once, and each counts as a loss of the worker with the unit.
-  std::vector<FailedJob> Remove(job::WorkerId worker);
+  void Remove(job::WorkerId worker);
   /// See LeaseWatch::Heartbeat.
   std::vector<LateLease> Heartbeat(job::WorkerId worker, absl::Span<const HeldLease> held,
                                    job::Attempt newest, absl::Time now) {

@@ -299,6 +299,8 @@ std::vector<std::string> Seeds() {
   priority.set_job_id(job);
   priority.set_priority(10);
   seeds.push_back(Call("SetJobPriority", {priority.SerializeAsString()}));
+  priority.set_to_front(true);
+  seeds.push_back(Call("SetJobPriority", {priority.SerializeAsString()}));
   v1::WorkerRequest worker;
   worker.set_worker("fuzz");
   worker.set_reason("made up");

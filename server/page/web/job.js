@@ -76,6 +76,7 @@ export function actionsOf(job) {
   if (!hasEnded(job)) {
     actions.push(state === "paused" ? ["Resume", "ResumeJob"] : ["Pause", "PauseJob"]);
     const priority = ["priority", job.scheduling?.priority ?? 0];
+    actions.push(["To the front", "SetJobPriority", {to_front: true}]);
     actions.push(["Priority", "SetJobPriority", {}, "Priority of the job, -100 to 100", priority]);
     actions.push(["Cancel", "CancelJob", {}, "Cancel the job? What is rendered so far is lost."]);
   }

@@ -289,12 +289,14 @@ TEST_F(RunClientTest, ChangesAJob) {
   farm_.jobs = {{"job-1", Job(v1::JOB_STATE_PAUSED)}};
   EXPECT_EQ(Run({"pause", "job-1"}), 0);
   EXPECT_EQ(Run({"resume", "job-1"}), 0);
+  EXPECT_EQ(Run({"move-to-front", "job-1"}), 0);
   EXPECT_EQ(Run({"set-priority", "job-1", "-30"}), 0) << Err();
   EXPECT_EQ(Run({"add-samples", "job-1", "256"}), 0);
   EXPECT_EQ(Run({"delete", "job-1"}), 0);
   EXPECT_EQ(Run({"retry", "job-1"}), 0);
   EXPECT_EQ(Run({"retry", "job-1", "--frames", "3-5", "--region", "0,16,32,48", "--filter-only"}), 0);
   EXPECT_THAT(farm_.calls(), ElementsAre(R"(PauseJob job_id: "job-1")", R"(ResumeJob job_id: "job-1")",
+                                         R"(SetJobPriority job_id: "job-1" to_front: true)",
                                          R"(SetJobPriority job_id: "job-1" priority: -30)",
                                          R"(AddSamples job_id: "job-1" samples_per_pixel: 256)",
                                          R"(DeleteJob job_id: "job-1")", R"(RetryJob job_id: "job-1")",

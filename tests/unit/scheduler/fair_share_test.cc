@@ -34,8 +34,9 @@ class FairShareTest : public ::testing::Test {
     held_.pop_front();
   }
 
+  /// Turns fall with the numbers: the job that was added last comes first.
   void Add(int64_t job, const std::string& user, int priority = 0) {
-    share_.AddJob(job, user, priority);
+    share_.AddJob(job, user, priority, /*turn=*/-job);
     share_.SetQueue(job, &queue_, now_);
   }
 
@@ -45,14 +46,47 @@ class FairShareTest : public ::testing::Test {
   std::deque<int64_t> held_;
 };
 
-TEST_F(FairShareTest, UsersShareEquallyHoweverManyJobsTheyHave) {
+TEST_F(FairShareTest, UsersShareEquallyAndEachOnesJobsTakeTurns) {
   for (int job = 0; job < 9; ++job) Add(job, "ann");
   Add(9, "ben");
   for (const int slots : {1, 7, 180}) {
     auto served = Serve(slots, 1800);
     EXPECT_NEAR(served[9], 900, 20) << slots;
-    for (int job = 0; job < 9; ++job) EXPECT_NEAR(served[job], 100, 12) << slots;
+    EXPECT_NEAR(served[8], 900, 20) << slots;
+    EXPECT_EQ(served.size(), 2u) << "the jobs behind the first one wait";
   }
+  share_.SetQueue(8, nullptr, now_);
+  EXPECT_NEAR(Serve(7, 100)[7], 50, 5) << "until it has nothing for the slots";
+  share_.SetQueue(8, &queue_, now_);
+  EXPECT_NEAR(Serve(7, 100)[8], 50, 5);
+  while (!held_.empty()) End();
+  share_.RemoveJob(8);
+  EXPECT_NEAR(Serve(7, 100)[7], 50, 5);
+}
+
+TEST_F(FairShareTest, AJobOfAnotherPriorityTakesTurnsWithThoseOfThat) {
+  Add(1, "ann", 10);
+  Add(2, "ann");
+  Add(3, "ann");
+  EXPECT_NEAR(Serve(6, 600)[1], 400, 10) << "twice the weight";
+  share_.SetPriority(1, 0);
+  auto served = Serve(6, 600);
+  EXPECT_EQ(served[1] + served[2], 0) << "the third one comes first";
+  share_.SetPriority(3, -10);
+  served = Serve(6, 600);
+  EXPECT_NEAR(served[2], 400, 10);
+  EXPECT_NEAR(served[3], 200, 10);
+}
+
+TEST_F(FairShareTest, ATurnHoldsAcrossQueues) {
+  FairShare::Queue other;
+  share_.AddJob(1, "ann", 0, 1);
+  share_.AddJob(2, "ann", 0, 2);
+  share_.SetQueue(1, &other, now_);
+  share_.SetQueue(2, &queue_, now_);
+  const FairShare::Candidate first = *share_.First(other, {});
+  EXPECT_LT(first, *share_.First(queue_, {}));
+  EXPECT_FALSE(share_.IsNear(2, first, {100, 1, 1})) << "nor does a loaded scene change that";
 }
 
 TEST_F(FairShareTest, TenPrioritiesDoubleTheShare) {
@@ -90,7 +124,7 @@ TEST_F(FairShareTest, WhoUsedAnIdleFarmDoesNotPayForItLater) {
 
 TEST_F(FairShareTest, WhoCouldNotBeServedDoesNotTakeTheFarmWhenItCan) {
   FairShare::Queue other;
-  share_.AddJob(2, "ben", 0);
+  share_.AddJob(2, "ben", 0, 0);
   share_.SetQueue(2, &other, now_);  // nobody serves it
   Add(1, "ann");
   Serve(10, 10'000);
@@ -113,15 +147,15 @@ TEST_F(FairShareTest, SaysWhichJobsAreNearTheirShare) {
 }
 
 TEST_F(FairShareTest, KnowsWhoHasWaitedLongest) {
-  EXPECT_FALSE(FairShare::LongestWaiting(queue_).has_value());
+  EXPECT_FALSE(share_.LongestWaiting(queue_).has_value());
   Add(1, "ann");
   now_ += absl::Seconds(1);
   Add(2, "ben");
-  EXPECT_EQ(FairShare::LongestWaiting(queue_)->second, 1);
+  EXPECT_EQ(share_.LongestWaiting(queue_)->second, 1);
   share_.Granted(1, now_ + absl::Seconds(1));
-  EXPECT_EQ(FairShare::LongestWaiting(queue_)->second, 2);
+  EXPECT_EQ(share_.LongestWaiting(queue_)->second, 2);
   share_.RemoveJob(2);
-  EXPECT_EQ(FairShare::LongestWaiting(queue_)->first, kStart + absl::Seconds(2));
+  EXPECT_EQ(share_.LongestWaiting(queue_)->first, kStart + absl::Seconds(2));
 }
 
 }  // namespace

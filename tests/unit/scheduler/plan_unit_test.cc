@@ -5,7 +5,9 @@
 namespace lumifold::scheduler {
 namespace {
 
+using ::testing::Contains;
 using ::testing::ElementsAre;
+using ::testing::Field;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
@@ -85,7 +87,7 @@ TEST_F(PlanUnitTest, BindsTheJobToTheClassOfItsWorker) {
 
 TEST_F(PlanUnitTest, IsLeasedAgainWhenItsWorkerIsLost) {
   ASSERT_THAT(Grant(), SizeIs(1));
-  EXPECT_THAT(scheduler_.workers().Remove(kAnn), IsEmpty());
+  scheduler_.workers().Remove(kAnn);
   scheduler_.workers().Add(kBen, {.name = "ben", .numeric_class = "neon", .slots = 4});
   const job::UnitRef unit = AcceptPlan();
   scheduler_.units().SetPlan(unit, Planned());
@@ -108,15 +110,32 @@ TEST_F(PlanUnitTest, IsLeasedAgainWhenItsLeaseExpires) {
 
 TEST_F(PlanUnitTest, AFailureIsThatOfAnyUnit) {
   std::vector<GrantedLease> leases = Grant();
-  EXPECT_EQ(scheduler_.units().Fail(kAnn, leases[0].unit, leases[0].attempt, false, kStart),
-            FailureOutcome::kRetried);
+  scheduler_.units().Fail(kAnn, leases[0].unit, leases[0].attempt, {}, kStart);
   const absl::Time later = kStart + absl::Seconds(2);
   scheduler_.ExpireLeases(later);
   leases = Grant(later);
   ASSERT_THAT(leases, SizeIs(1));
-  EXPECT_EQ(scheduler_.units().Fail(kAnn, leases[0].unit, leases[0].attempt, /*permanent=*/true, later),
-            FailureOutcome::kJobFails)
-      << "no other worker can be asked";
+  scheduler_.units().Fail(kAnn, leases[0].unit, leases[0].attempt, {.permanent = true}, later);
+  EXPECT_THAT(Grant(later), IsEmpty());
+  scheduler_.workers().Add(kBen, {.name = "ben", .numeric_class = "avx2"});
+  EXPECT_THAT(Grant(later), SizeIs(1)) << "another worker is asked";
+}
+
+TEST_F(PlanUnitTest, OneThatStandsStillIsLeasedToAnotherWorkerToo) {
+  const GrantedLease held = Grant().at(0);
+  scheduler_.workers().Add(kBen, {.name = "ben", .numeric_class = "avx2"});
+  const HeldLease still{.unit = held.unit, .attempt = held.attempt};
+  absl::Time now = kStart;
+  for (int i = 0; i < 6; ++i, now += absl::Seconds(5)) {
+    EXPECT_THAT(Grant(now), IsEmpty()) << now - kStart;
+    scheduler_.workers().Heartbeat(kAnn, {still}, held.attempt, now);
+  }
+  scheduler_.ExpireLeases(now);
+  EXPECT_THAT(scheduler_.Explain(kJob, now), Contains(Field(&Reason::code, "no_progress")));
+  const std::vector<GrantedLease> second = Grant(now);
+  ASSERT_THAT(second, SizeIs(1));
+  EXPECT_EQ(second[0].worker, kBen);
+  EXPECT_EQ(second[0].unit, held.unit);
 }
 
 TEST_F(PlanUnitTest, IsNotAudited) {

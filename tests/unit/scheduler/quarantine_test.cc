@@ -17,33 +17,36 @@ using ::testing::Pair;
 class QuarantineTest : public ::testing::Test {
  protected:
   QuarantineTest() {
-    workers_.Add(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 2});
-    workers_.Add(kBen, {.name = "ben", .numeric_class = "avx2", .slots = 2});
+    workers_.Add(kAnn, {.name = "ann", .party = "ann", .numeric_class = "avx2", .slots = 2});
+    workers_.Add(kBen, {.name = "ben", .party = "ben", .numeric_class = "avx2", .slots = 2});
   }
 
   void MakeSuspect(const UnitIndex& unit) {
-    for (const char* worker : {"x", "y", "z"}) quarantine_.AddLoss(unit, worker);
+    for (const char* worker : {"x", "y", "z"}) quarantine_.AddLoss(unit, worker, false);
   }
   void Reserve(const Requirement* requirement = &kAvx2) {
-    quarantine_.Reserve([requirement](const UnitIndex&) { return requirement; });
+    quarantine_.Reserve(
+        [requirement](const UnitIndex&) { return requirement; },
+        [this](const Worker& worker, const UnitIndex&) { return worker.traits.party != excluded_; });
   }
 
+  std::string excluded_;  // party
   WorkerPool workers_;
   Quarantine quarantine_{3, &workers_};
 };
 
 TEST_F(QuarantineTest, AUnitIsSuspectFromTheThirdWorkerOrTheSixthLossOn) {
-  quarantine_.AddLoss(kFirst, "x");
-  quarantine_.AddLoss(kFirst, "y");
-  quarantine_.AddLoss(kSecond, "z");
+  quarantine_.AddLoss(kFirst, "x", false);
+  quarantine_.AddLoss(kFirst, "y", false);
+  quarantine_.AddLoss(kSecond, "z", false);
   EXPECT_FALSE(quarantine_.IsSuspect(kFirst));
-  for (int i = 0; i < 3; ++i) quarantine_.AddLoss(kFirst, "y");
+  for (int i = 0; i < 3; ++i) quarantine_.AddLoss(kFirst, "y", false);
   EXPECT_FALSE(quarantine_.IsSuspect(kFirst)) << "five losses of two workers";
-  quarantine_.AddLoss(kFirst, "x");
+  quarantine_.AddLoss(kFirst, "x", false);
   EXPECT_TRUE(quarantine_.IsSuspect(kFirst));
   EXPECT_FALSE(quarantine_.IsSuspect(kSecond));
-  quarantine_.AddLoss(kSecond, "x");
-  quarantine_.AddLoss(kSecond, "y");
+  quarantine_.AddLoss(kSecond, "x", false);
+  quarantine_.AddLoss(kSecond, "y", false);
   EXPECT_TRUE(quarantine_.IsSuspect(kSecond)) << "three workers";
 }
 
@@ -53,7 +56,7 @@ TEST_F(QuarantineTest, AnAcceptedUnitIsNoSuspectAnyMore) {
   quarantine_.Forget(kFirst);
   EXPECT_FALSE(quarantine_.IsSuspect(kFirst));
   EXPECT_THAT(quarantine_.waiting(), IsEmpty());
-  quarantine_.AddLoss(kFirst, "x");
+  quarantine_.AddLoss(kFirst, "x", false);
   EXPECT_FALSE(quarantine_.IsSuspect(kFirst)) << "losses are counted from the beginning";
 }
 
@@ -82,7 +85,7 @@ TEST_F(QuarantineTest, TheUnitIsReadyWhenItsWorkerHasNothingElse) {
 
 TEST_F(QuarantineTest, AWorkerThatWasNotLostWithTheUnitComesFirstThenAnIdleOne) {
   MakeSuspect(kFirst);
-  quarantine_.AddLoss(kFirst, "ann");
+  quarantine_.AddLoss(kFirst, "ann", false);
   workers_.TakeSlot(kBen);
   quarantine_.Enter(kFirst);
   Reserve();
@@ -90,7 +93,7 @@ TEST_F(QuarantineTest, AWorkerThatWasNotLostWithTheUnitComesFirstThenAnIdleOne) 
   EXPECT_TRUE(workers_.IsFree(kAnn));
   MakeSuspect(kSecond);
   workers_.TakeSlot(kAnn);
-  workers_.Add(WorkerId(3), {.name = "cid", .numeric_class = "avx2", .slots = 2});
+  workers_.Add(WorkerId(3), {.name = "cid", .party = "cid", .numeric_class = "avx2", .slots = 2});
   quarantine_.Enter(kSecond);
   Reserve();
   EXPECT_THAT(quarantine_.TakeReady(), ElementsAre(Pair(WorkerId(3), kSecond)));
@@ -137,7 +140,8 @@ TEST_F(QuarantineTest, ACancelledReservationLetsTheUnitWaitAgain) {
 
 TEST_F(QuarantineTest, AtMostSixteenWorkersAreReserved) {
   for (int i = 3; i <= 20; ++i)
-    workers_.Add(WorkerId(i), {.name = absl::StrCat("w", i), .numeric_class = "avx2"});
+    workers_.Add(WorkerId(i),
+                 {.name = absl::StrCat("w", i), .party = absl::StrCat("w", i), .numeric_class = "avx2"});
   for (int i = 0; i < 18; ++i) quarantine_.Enter({7, {0, i}});
   Reserve();
   EXPECT_EQ(quarantine_.TakeReady().size(), 16u);
@@ -145,26 +149,39 @@ TEST_F(QuarantineTest, AtMostSixteenWorkersAreReserved) {
 }
 
 TEST_F(QuarantineTest, AProcessThatIsHereAgainTakesItsOwnLossesBack) {
-  for (const char* worker : {"x", "y", "ann"}) quarantine_.AddLoss(kFirst, worker);
+  for (const char* party : {"x", "y", "ann"}) quarantine_.AddLoss(kFirst, party, party[0] == 'x');
   quarantine_.NoteAbsence(42, kFirst);
   quarantine_.NoteAbsence(0, kFirst);  // not known
   quarantine_.Enter(kFirst);
   EXPECT_THAT(quarantine_.TakeBackLosses(43, "ann"), IsEmpty()) << "another process";
   EXPECT_THAT(quarantine_.TakeBackLosses(0, "ann"), IsEmpty());
+  EXPECT_FALSE(quarantine_.Release(kFirst));
   EXPECT_THAT(quarantine_.TakeBackLosses(42, "ann"), ElementsAre(kFirst));
   EXPECT_FALSE(quarantine_.IsSuspect(kFirst));
-  EXPECT_THAT(quarantine_.waiting(), IsEmpty());
-  EXPECT_THAT(quarantine_.LossesOf(kFirst), ElementsAre("x", "y"));
+  EXPECT_TRUE(quarantine_.Release(kFirst));
+  EXPECT_FALSE(quarantine_.Release(kFirst)) << "once";
+  EXPECT_THAT(quarantine_.LossesOf(kFirst), ElementsAre(Pair("x", true), Pair("y", false)));
   EXPECT_THAT(quarantine_.TakeBackLosses(42, "x"), IsEmpty()) << "once";
 }
 
 TEST_F(QuarantineTest, AUnitThatIsStillSuspectStaysWhenAProcessIsHereAgain) {
   MakeSuspect(kFirst);
-  quarantine_.AddLoss(kFirst, "ann");
+  quarantine_.AddLoss(kFirst, "ann", false);
   quarantine_.NoteAbsence(42, kFirst);
   quarantine_.Enter(kFirst);
-  EXPECT_THAT(quarantine_.TakeBackLosses(42, "ann"), IsEmpty());
+  quarantine_.TakeBackLosses(42, "ann");
+  EXPECT_FALSE(quarantine_.Release(kFirst));
   EXPECT_THAT(quarantine_.waiting(), ElementsAre(kFirst));
+}
+
+TEST_F(QuarantineTest, AWorkerThatMayNotRenderTheJobIsNotReserved) {
+  excluded_ = "ann";
+  workers_.TakeSlot(kBen);
+  MakeSuspect(kFirst);
+  quarantine_.Enter(kFirst);
+  Reserve();
+  EXPECT_TRUE(workers_.IsFree(kAnn));
+  EXPECT_FALSE(workers_.IsFree(kBen));
 }
 
 TEST_F(QuarantineTest, AJobThatEndsLeavesTheUnitsOfOthers) {

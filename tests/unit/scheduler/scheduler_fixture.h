@@ -63,7 +63,7 @@ class SchedulerFixture : public ::testing::Test {
     return granted;
   }
 
-  Scheduler scheduler_{{.lease = absl::Seconds(30), .max_failures = 3, .first_attempt = job::Attempt(100)}};
+  Scheduler scheduler_{{.lease = absl::Seconds(30), .first_attempt = job::Attempt(100)}};
 };
 
 }  // namespace lumifold::scheduler

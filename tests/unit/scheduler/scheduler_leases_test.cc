@@ -126,7 +126,7 @@ TEST_F(SchedulerLeasesTest, ALeaseWithoutProgressIsNotRenewedForEver) {
 }
 
 TEST_F(SchedulerLeasesTest, AStalledLeaseKeepsItsSlotWhileTheWorkerNamesIt) {
-  Scheduler scheduler({.stall = absl::Seconds(40)});
+  Scheduler scheduler({.lease = absl::Seconds(41), .stall = absl::Seconds(40)});
   scheduler.jobs().Add(kJob, Spec());
   scheduler.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 1});
   const GrantedLease hung = scheduler.GrantLeases(kAnn, kStart).at(0);

@@ -157,13 +157,13 @@ class RandomHistory {
 
   void Restart() {
     // Attempts continue above all earlier ones; in the coordinator the clock ensures this.
-    scheduler_ = std::make_unique<Scheduler>(SchedulerOptions{.lease = kLease,
-                                                              .stall = kStall,
-                                                              .overdue_factor = 1,
-                                                              .overdue_least = absl::Seconds(8),
-                                                              .max_failures = 1'000'000,
-                                                              .max_lost_workers = max_lost_workers_,
-                                                              .first_attempt = Attempt(last_attempt_ + 1)});
+    scheduler_ = std::make_unique<Scheduler>(
+        SchedulerOptions{.lease = kLease,
+                         .stall = kStall,
+                         .overdue_factor = 1,
+                         .overdue_least = absl::Seconds(8),
+                         .disputes = {.max_failures = 1'000'000, .max_lost_workers = max_lost_workers_},
+                         .first_attempt = Attempt(last_attempt_ + 1)});
     scheduler_->frames().SetMaxActive(2);
     for (const auto& [job, spec] : specs_) {
       const bool second = job == JobId("j-1");
@@ -383,8 +383,7 @@ class RandomHistory {
     if (leases.empty()) return;
     const ModelLease lease = leases.back();
     leases.pop_back();
-    EXPECT_EQ(scheduler_->units().Fail(worker, lease.unit, lease.attempt, false, now_),
-              FailureOutcome::kRetried);
+    EXPECT_TRUE(scheduler_->units().Fail(worker, lease.unit, lease.attempt, {}, now_));
     ended_.emplace_back(worker, lease);
   }
 

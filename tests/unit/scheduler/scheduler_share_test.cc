@@ -54,6 +54,40 @@ TEST_F(SchedulerShareTest, UsersGetEqualSlotsAtOnce) {
   EXPECT_EQ(leases["c"], 40);
 }
 
+TEST_F(SchedulerShareTest, JobsOfAUserEndInTheOrderOfSubmission) {
+  std::map<std::string, std::vector<double>> ends;  // by user; in units of the whole time
+  std::vector<JobId> jobs;
+  for (const char* job : {"ann-1", "ann-2", "ben-1", "ann-3", "cat-1", "cat-2", "ben-2", "cat-3", "ben-3",
+                          "ann-4", "ben-4", "cat-4"}) {
+    jobs.emplace_back(job);
+    scheduler_.jobs().Add(jobs.back(), Spec(50), {.user = jobs.back().value().substr(0, 3)});  // 100 units
+  }
+  constexpr int kSlots = 8;
+  for (int i = 0; i < kSlots; ++i) scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2"});
+  while (!jobs.empty()) {
+    const std::vector<GrantedLease> leases = scheduler_.GrantLeases(now_);
+    ASSERT_EQ(leases.size(), kSlots) << "no slot is idle";
+    now_ += absl::Seconds(10);
+    for (const GrantedLease& lease : leases) Commit(lease);
+    std::erase_if(jobs, [&](const JobId& job) {
+      if (scheduler_.jobs().Progress(job).units_done < 100) return false;
+      std::vector<double>& of_user = ends[job.value().substr(0, 3)];
+      of_user.push_back(absl::ToDoubleSeconds(now_ - kStart) / (1200 * 10 / kSlots));
+      EXPECT_EQ(job.value().substr(4), absl::StrCat(of_user.size()));
+      return true;
+    });
+  }
+  double mean = 0;
+  for (const auto& [user, times] : ends) {
+    ASSERT_EQ(times.size(), 4u);
+    for (size_t i = 0; i < times.size(); ++i) {
+      EXPECT_NEAR(times[i], 0.25 * static_cast<double>(i + 1), 0.06) << user;
+      mean += times[i] / 12;
+    }
+  }
+  EXPECT_LT(mean, 0.65) << "with equal shares for a user's jobs it is .87";
+}
+
 TEST_F(SchedulerShareTest, AWorkerGoesOnWithTheSceneItHasLoadedUntilTheSlackIsUsedUp) {
   scheduler_.jobs().Add(kJob, RowSpec(500), {.user = "ann"});
   scheduler_.jobs().Add(kOther, RowSpec(500), {.user = "ben"});
@@ -153,6 +187,26 @@ TEST_F(SchedulerShareTest, APausedOrLimitedJobGetsNoSecondLeases) {
   EXPECT_THAT(scheduler_.GrantLeases(now_), IsEmpty());
   scheduler_.jobs().Resume(kJob);
   EXPECT_EQ(scheduler_.GrantLeases(now_).size(), 1u) << "the tenth geometry unit; no pass has ended";
+}
+
+TEST_F(SchedulerShareTest, AJobMovedToTheFrontComesFirstAmongItsUsersJobs) {
+  for (const char* job : {"a-1", "a-2", "a-3", "b-1"})
+    scheduler_.jobs().Add(JobId(job), Spec(), {.user = std::string(job).substr(0, 1)});
+  scheduler_.jobs().Add(JobId("a-high"), Spec(), {.priority = 10, .turn = -5, .user = "a"});
+  scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 20});
+  EXPECT_EQ(scheduler_.jobs().TurnOfFirst(JobId("a-3")), 0);
+  EXPECT_EQ(scheduler_.jobs().TurnOfFirst(JobId("a-high")), -5);
+  scheduler_.jobs().SetTurn(JobId("a-3"), -1);
+  EXPECT_EQ(scheduler_.jobs().TurnOfFirst(JobId("a-1")), -1);
+  std::map<std::string, int> leases;
+  for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) ++leases[lease.unit.job.value()];
+  EXPECT_EQ(leases["a-1"] + leases["a-2"], 0);
+  EXPECT_GT(leases["a-3"], 0);
+  const std::vector<Reason> reasons = scheduler_.Explain(JobId("a-2"), now_);
+  ASSERT_EQ(reasons.size(), 2u);
+  EXPECT_EQ(reasons[1].code, "turn");
+  EXPECT_EQ(reasons[1].text, "2 jobs of its user with the same priority come first, the next is a-3");
+  EXPECT_EQ(scheduler_.Explain(JobId("a-3"), now_).size(), 1u);
 }
 
 }  // namespace

@@ -59,18 +59,22 @@ TEST_F(SchedulerTest, AUnitThatAFreeWorkerMayNotTakeDoesNotStopTheOthers) {
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
   scheduler_.jobs().Add(kOther, Spec());
   ASSERT_EQ(scheduler_.GrantLeases(kBen, kStart).size(), 1u);  // of the other job
-  scheduler_.units().Fail(kAnn, leases[3].unit, leases[3].attempt, false, kStart);
+  scheduler_.units().Fail(kAnn, leases[3].unit, leases[3].attempt, {}, kStart);
   scheduler_.ExpireLeases(kStart + absl::Seconds(1));  // the backoff is over
   const auto next = scheduler_.GrantLeases(kStart);
   ASSERT_EQ(next.size(), 1u);
   EXPECT_EQ(next[0].unit.job, kOther);
 }
 
-TEST_F(SchedulerTest, ASlotIsFreeOnceTheUnitIsCommittedAndNotBefore) {
+TEST_F(SchedulerTest, ASlotIsFreeOnceTheUnitIsAcceptedUnlessTooManyBytesWait) {
   scheduler_.jobs().Add(kJob, Spec());
   scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 1});
+  const GrantedLease first = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  EXPECT_EQ(scheduler_.units().Complete(kAnn, first.unit, first.attempt, kStart), Completion::kAccepted);
   const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  EXPECT_EQ(scheduler_.units().Complete(kAnn, lease.unit, lease.attempt, kStart), Completion::kAccepted);
+  const UnitCost large{.bytes = (uint64_t{256} << 20) + 1};
+  EXPECT_EQ(scheduler_.units().Complete(kAnn, lease.unit, lease.attempt, kStart, "", large),
+            Completion::kAccepted);
   EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart), IsEmpty());
   EXPECT_FALSE(scheduler_.units().Commit(lease.unit));
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).size(), 1u);
@@ -266,7 +270,7 @@ TEST_F(SchedulerTest, APausedJobGetsNoLeasesButKeepsThoseItHas) {
   scheduler_.jobs().Pause(kJob);
   EXPECT_EQ(scheduler_.jobs().Progress(kJob).state, v1::JOB_STATE_PAUSED);
   EXPECT_FALSE(Commit(kAnn, leases[0]));
-  scheduler_.units().Fail(kAnn, leases[1].unit, leases[1].attempt, false, kStart);
+  scheduler_.units().Fail(kAnn, leases[1].unit, leases[1].attempt, {}, kStart);
   scheduler_.ExpireLeases(kStart + absl::Seconds(1));
   EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
   scheduler_.jobs().Resume(kJob);
@@ -377,7 +381,7 @@ TEST_F(SchedulerTest, ExplainsWhyAJobDoesNotRun) {
   scheduler_.workers().Readmit("ann");
   const GrantedLease lease = scheduler_.GrantLeases(kStart).at(0);
   EXPECT_THAT(Codes(scheduler_.Explain(kJob, kStart)), ElementsAre("max_leases"));
-  scheduler_.units().Fail(kAnn, lease.unit, lease.attempt, false, kStart);
+  scheduler_.units().Fail(kAnn, lease.unit, lease.attempt, {}, kStart);
   reasons = scheduler_.Explain(kJob, kStart);
   EXPECT_THAT(Codes(reasons), ElementsAre("backoff"));
   EXPECT_THAT(reasons[0].text, HasSubstr("j-1 frame 10 tile 0 geometry, for 1 s"));

@@ -28,6 +28,7 @@ class SecondLeasesTest : public ::testing::Test {
   static Lease Granted() {
     Lease lease;
     lease.granted = kNow;
+    lease.progressed = kNow;
     return lease;
   }
   /// The leases that Take looks at for a worker of this kind, in this order, without taking any.
@@ -40,7 +41,10 @@ class SecondLeasesTest : public ::testing::Test {
     return seen;
   }
 
-  SecondLeases second_{{.overdue_factor = 4, .overdue_least = absl::Seconds(30), .late_factor = 1.5}};
+  SecondLeases second_{{.lease = absl::Seconds(20),
+                        .overdue_factor = 4,
+                        .overdue_least = absl::Seconds(30),
+                        .late_factor = 1.5}};
 };
 
 TEST_F(SecondLeasesTest, TheMeanIsKnownFromTheEighthUnitOfItsKind) {
@@ -48,7 +52,6 @@ TEST_F(SecondLeasesTest, TheMeanIsKnownFromTheEighthUnitOfItsKind) {
   EXPECT_FALSE(second_.CountTime(kGeometry, absl::Seconds(1))) << "of another kind";
   EXPECT_FALSE(second_.CountTime({8, 2}, absl::Seconds(1))) << "of another job";
   EXPECT_FALSE(second_.MeanOf(kPasses).has_value());
-  EXPECT_EQ(second_.LateTime(kPasses, kUsual, kNow), absl::InfiniteFuture());
   EXPECT_EQ(second_.OverdueTime(kPasses, kNow), absl::InfiniteFuture());
   EXPECT_TRUE(second_.CountTime(kPasses, absl::Seconds(26)));
   EXPECT_EQ(second_.MeanOf(kPasses), absl::Seconds(12));
@@ -73,6 +76,19 @@ TEST_F(SecondLeasesTest, ALeaseIsFirstLateAndThenOverdue) {
   EXPECT_EQ(lease.check, absl::InfiniteFuture());
 }
 
+TEST_F(SecondLeasesTest, WithoutAMeanALeaseIsLateWhenItStandsStill) {
+  Lease lease = Granted();
+  second_.Schedule(kPasses, kUsual, &lease);
+  EXPECT_EQ(lease.check, kNow + absl::Seconds(20));
+  lease.progressed = kNow + absl::Seconds(7);
+  EXPECT_FALSE(second_.MarkLate(kPasses, kUsual, lease.check, &lease));
+  EXPECT_EQ(lease.check, kNow + absl::Seconds(27));
+  EXPECT_TRUE(second_.MarkLate(kPasses, kUsual, lease.check, &lease));
+  EXPECT_TRUE(second_.IsWorthwhile(lease, kPasses, 10, kNow + absl::Seconds(27)));
+  EXPECT_FALSE(second_.MarkOverdue(kPasses, kNow + absl::Hours(1), &lease))
+      << "nobody knows how long it takes";
+}
+
 TEST_F(SecondLeasesTest, AMeanThatHasRisenPutsTheLimitOff) {
   MakeMeanKnown();
   Lease lease = Granted();
@@ -85,13 +101,13 @@ TEST_F(SecondLeasesTest, AMeanThatHasRisenPutsTheLimitOff) {
 
 TEST_F(SecondLeasesTest, ASlowWorkersLeaseIsLateAtOnce) {
   MakeMeanKnown();
-  EXPECT_EQ(second_.LateTime(kPasses, 1.19, kNow), kNow + absl::Seconds(15));
-  EXPECT_EQ(second_.LateTime(kPasses, 1.2, kNow), kNow + absl::Milliseconds(200));
+  EXPECT_EQ(second_.LateTime(kPasses, 1.19, Granted()), kNow + absl::Seconds(15));
+  EXPECT_EQ(second_.LateTime(kPasses, 1.2, Granted()), kNow + absl::Milliseconds(200));
 }
 
 TEST_F(SecondLeasesTest, ShortUnitsHaveTheLeastLimits) {
   for (int i = 0; i < 8; ++i) second_.CountTime(kGeometry, absl::Milliseconds(10));
-  EXPECT_EQ(second_.LateTime(kGeometry, kUsual, kNow), kNow + absl::Milliseconds(200));
+  EXPECT_EQ(second_.LateTime(kGeometry, kUsual, Granted()), kNow + absl::Milliseconds(200));
   EXPECT_EQ(second_.OverdueTime(kGeometry, kNow), kNow + absl::Seconds(30));
 }
 

@@ -9,7 +9,6 @@ namespace lumifold::scheduler {
 namespace {
 
 using job::WorkerId;
-using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
@@ -27,40 +26,14 @@ class WorkerHealthTest : public ::testing::Test {
     workers_.Add(kDan, {.name = "dan", .numeric_class = "avx2"});
   }
 
-  /// `failed` fails a unit that `other` then renders.
-  void Attribute(const UnitIndex& unit, WorkerId failed, absl::Time now = kNow, WorkerId other = kDan) {
-    health_.CountFailure(unit, failed, false);
-    health_.AttributeFailures(unit, other, now);
+  void Attribute(const UnitIndex& unit, WorkerId failed, absl::Time now = kNow) {
+    health_.Attribute(failed, unit.job, now);
   }
   bool CoolsDown(WorkerId worker) { return workers_.Find(worker)->IsCooling(); }
 
   WorkerPool workers_;
   WorkerHealth health_{{.max_attributed_jobs = 2, .cool_down = kCoolDown}, &workers_};
 };
-
-TEST_F(WorkerHealthTest, FailuresOfAUnitAreCountedUntilItIsRendered) {
-  EXPECT_EQ(health_.CountFailure(kFirst, kAnn, false).count, 1);
-  EXPECT_EQ(health_.CountFailure(kSecond, kAnn, false).count, 1) << "another unit";
-  const WorkerHealth::Failures& failures = health_.CountFailure(kFirst, kBen, true);
-  EXPECT_EQ(failures.count, 2);
-  EXPECT_THAT(failures.permanent_by, ElementsAre("ben"));
-  EXPECT_THAT(failures.workers, ElementsAre(kAnn, kBen));
-  health_.AttributeFailures(kFirst, kCid, kNow);
-  EXPECT_EQ(health_.CountFailure(kFirst, kAnn, false).count, 1);
-}
-
-TEST_F(WorkerHealthTest, ADropIsNoFailureButTheUnitGoesToAnother) {
-  health_.CountDrop(kFirst, kAnn);
-  EXPECT_TRUE(health_.WasLastToFail(kFirst, "ann"));
-  EXPECT_EQ(health_.CountFailure(kFirst, kBen, false).count, 1);
-  EXPECT_TRUE(health_.WasLastToFail(kFirst, "ben"));
-  EXPECT_FALSE(health_.WasLastToFail(kFirst, "ann"));
-  EXPECT_FALSE(health_.WasLastToFail(kSecond, "ben"));
-  EXPECT_THAT(health_.FailedWorkersOf(7), ElementsAre(kAnn, kBen));
-  EXPECT_THAT(health_.FailedWorkersOf(8), IsEmpty());
-  health_.AttributeFailures(kFirst, kCid, kNow);
-  EXPECT_FALSE(health_.WasLastToFail(kFirst, "ben")) << "it was rendered";
-}
 
 TEST_F(WorkerHealthTest, AWorkerThatFailsTwoJobsCoolsDown) {
   Attribute(kFirst, kAnn);
@@ -75,12 +48,6 @@ TEST_F(WorkerHealthTest, AWorkerThatFailsTwoJobsCoolsDown) {
   EXPECT_EQ(cooling[0].worker, kAnn);
   EXPECT_EQ(cooling[0].until, kNow + kCoolDown);
   EXPECT_THAT(health_.TakeCooling(), IsEmpty());
-}
-
-TEST_F(WorkerHealthTest, AWorkerThatRendersTheUnitAfterAllIsNotAtFault) {
-  Attribute(kFirst, kAnn, kNow, kAnn);
-  Attribute(kOfOther, kAnn, kNow, kAnn);
-  EXPECT_FALSE(CoolsDown(kAnn));
 }
 
 TEST_F(WorkerHealthTest, FailuresAreForgottenAfterTheCoolDownTime) {
@@ -113,17 +80,16 @@ TEST_F(WorkerHealthTest, HalfOfTheWorkersOfAClassDoNotCoolDown) {
   EXPECT_TRUE(CoolsDown(kBen));
   EXPECT_FALSE(CoolsDown(kCid)) << "the third of four";
   for (const WorkerId worker : {kBen, kCid}) workers_.Remove(worker);
-  Attribute(kFirst, kDan, kNow, kAnn);
-  Attribute(kOfOther, kDan, kNow, kAnn);
+  Attribute(kFirst, kDan);
+  Attribute(kOfOther, kDan);
   EXPECT_FALSE(CoolsDown(kDan)) << "the last worker that is available";
 }
 
 TEST_F(WorkerHealthTest, AWorkerThatIsGoneIsNotAtFault) {
   Attribute(kFirst, kAnn);
-  health_.CountFailure(kOfOther, kAnn, false);
   health_.Remove(kAnn);
   workers_.Remove(kAnn);
-  health_.AttributeFailures(kOfOther, kDan, kNow);
+  Attribute(kOfOther, kAnn);
   EXPECT_THAT(health_.TakeCooling(), IsEmpty());
   EXPECT_EQ(health_.CoolDownReason(kAnn), "");
 }
@@ -155,14 +121,6 @@ TEST_F(WorkerHealthTest, AReadmittedWorkerIsNeitherBlockedNorDrainingNorCoolingD
   EXPECT_TRUE(workers_.IsFree(kAnn));
   Attribute(kFirst, kAnn, kNow + kCoolDown);
   EXPECT_FALSE(CoolsDown(kAnn)) << "what was said against it is forgotten";
-}
-
-TEST_F(WorkerHealthTest, AJobThatEndsLeavesTheFailuresOfOthers) {
-  health_.CountFailure(kFirst, kAnn, false);
-  health_.CountFailure(kOfOther, kBen, false);
-  health_.EndJob(7);
-  EXPECT_FALSE(health_.WasLastToFail(kFirst, "ann"));
-  EXPECT_TRUE(health_.WasLastToFail(kOfOther, "ben"));
 }
 
 }  // namespace

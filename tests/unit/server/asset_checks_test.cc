@@ -208,6 +208,7 @@ TEST_F(AssetCallsTest, AJobWaitsForAnAssetThatIsLostAndGoesOnWhenItIsUploadedAga
 }
 
 TEST_F(AssetCallsTest, AWorkerThatCannotReadAnIntactAssetHasFailed) {
+  RestartForOneWorker();
   const std::string job = *Submit(Spec());
   std::atomic<bool> is_missing = true;
   const auto worker = SceneReader(Channel(), Spec().scene().file().sha256(), &is_missing);

@@ -165,6 +165,26 @@ TEST_F(ControlTest, TheSchedulingOfAJobIsCheckedAndKept) {
             absl::InvalidArgumentError("audit_share is 2, not 0 to 1"));
 }
 
+TEST_F(ControlTest, AJobMovedToTheFrontStaysThereAfterARestart) {
+  const std::string first = *Submit(Spec(), "first");
+  const std::string second = *Submit(Spec(), "second");
+  EXPECT_THAT(Explain(second),
+              Contains(HasSubstr("turn: 1 job of its user with the same priority comes first, "
+                                 "the next is " +
+                                 first)));
+  auto to_front = OfJob<v1::SetJobPriorityRequest>(second);
+  to_front.set_to_front(true);
+  EXPECT_TRUE(Call<v1::JobStatus>(&Stub::SetJobPriority, to_front).ok());
+  EXPECT_THAT(Explain(first), Contains(HasSubstr("the next is " + second)));
+  StopServer();
+  StartServer();
+  EXPECT_THAT(Explain(first), Contains(HasSubstr("the next is " + second)));
+  EXPECT_THAT(Explain(second), Not(Contains(HasSubstr("turn"))));
+  const auto worker = Worker();
+  EXPECT_EQ(WaitForEnd(first).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(WaitForEnd(second).state(), v1::JOB_STATE_DONE);
+}
+
 TEST_F(ControlTest, SaysWhichJobsAJobWaitsFor) {
   const std::string first = *Submit(Spec(), "first");
   v1::SubmitJobRequest request;

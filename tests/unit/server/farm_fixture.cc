@@ -32,6 +32,13 @@ ServerOptions FarmFixture::Options() const {
   return options;
 }
 
+void FarmFixture::RestartForOneWorker() {
+  StopServer();
+  ServerOptions options = Options();
+  options.only_one_worker = true;
+  StartServer(options);
+}
+
 void FarmFixture::StartServer() { StartServer(Options()); }
 
 void FarmFixture::StartServer(const ServerOptions& options) {

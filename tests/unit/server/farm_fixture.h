@@ -21,6 +21,8 @@ class FarmFixture : public ::testing::Test {
 
   ServerOptions Options() const;
   void StartServer();
+  /// With a server that believes its one worker.
+  void RestartForOneWorker();
   void StartServer(const ServerOptions& options);
   void StopServer() { server_.reset(); }
 

@@ -195,6 +195,7 @@ TEST_F(ServerTest, AUnitWithInvalidValuesIsRefusedAndRenderedAgain) {
 }
 
 TEST_F(ServerTest, AJobWhoseUnitIsAlwaysInvalidFailsWithTheReason) {
+  RestartForOneWorker();
   const std::string job = *Submit(Spec());
   const auto worker = Worker({.spoil = [](v1::WorkerMessage& message) {
     if (message.chunk().has_pixels() && message.chunk().unit().kind() == v1::UNIT_KIND_PASS)
@@ -231,6 +232,7 @@ TEST_F(ServerTest, TextOfWorkersIsBoundedAndTheJobStaysReadable) {
 }
 
 TEST_F(ServerTest, AListOfJobsWithLongErrorsFitsAMessage) {
+  RestartForOneWorker();
   const std::string job = *Submit(Spec());
   const auto worker = Worker({.spoil = [](v1::WorkerMessage& message) {
     if (!message.has_chunk()) return;
@@ -290,6 +292,7 @@ TEST_F(ServerTest, EveryFrameOfAJobIsAFile) {
 }
 
 TEST_F(ServerTest, APermanentFailureFailsTheJobWithTheWorkersError) {
+  RestartForOneWorker();
   const std::string job = *Submit(Spec());
   const auto worker = Worker({.spoil = [](v1::WorkerMessage& message) {
     if (!message.has_chunk()) return;

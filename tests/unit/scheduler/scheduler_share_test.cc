@@ -60,19 +60,19 @@ TEST_F(SchedulerShareTest, JobsOfAUserEndInTheOrderOfSubmission) {
   for (const char* job : {"ann-1", "ann-2", "ben-1", "ann-3", "cat-1", "cat-2", "ben-2", "cat-3", "ben-3",
                           "ann-4", "ben-4", "cat-4"}) {
     jobs.emplace_back(job);
-    scheduler_.jobs().Add(jobs.back(), Spec(50), {.user = jobs.back().value().substr(0, 3)});  // 100 units
+    scheduler_.jobs().Add(jobs.back(), RowSpec(50), {.user = jobs.back().value().substr(0, 3)});  // 100 units
   }
-  constexpr int kSlots = 8;
-  for (int i = 0; i < kSlots; ++i) scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2"});
+  constexpr int slots = 8;
+  for (int i = 0; i < slots; ++i) scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2"});
   while (!jobs.empty()) {
     const std::vector<GrantedLease> leases = scheduler_.GrantLeases(now_);
-    ASSERT_EQ(leases.size(), kSlots) << "no slot is idle";
+    ASSERT_EQ(leases.size(), slots) << "no slot is idle";
     now_ += absl::Seconds(10);
     for (const GrantedLease& lease : leases) Commit(lease);
     std::erase_if(jobs, [&](const JobId& job) {
       if (scheduler_.jobs().Progress(job).units_done < 100) return false;
       std::vector<double>& of_user = ends[job.value().substr(0, 3)];
-      of_user.push_back(absl::ToDoubleSeconds(now_ - kStart) / (1200 * 10 / kSlots));
+      of_user.push_back(absl::ToDoubleSeconds(now_ - kStart) / (1200 * 10 / slots));
       EXPECT_EQ(job.value().substr(4), absl::StrCat(of_user.size()));
       return true;
     });
@@ -191,8 +191,8 @@ TEST_F(SchedulerShareTest, APausedOrLimitedJobGetsNoSecondLeases) {
 
 TEST_F(SchedulerShareTest, AJobMovedToTheFrontComesFirstAmongItsUsersJobs) {
   for (const char* job : {"a-1", "a-2", "a-3", "b-1"})
-    scheduler_.jobs().Add(JobId(job), Spec(), {.user = std::string(job).substr(0, 1)});
-  scheduler_.jobs().Add(JobId("a-high"), Spec(), {.priority = 10, .turn = -5, .user = "a"});
+    scheduler_.jobs().Add(JobId(job), RowSpec(500), {.user = std::string(job).substr(0, 1)});
+  scheduler_.jobs().Add(JobId("a-high"), RowSpec(500), {.priority = 10, .turn = -5, .user = "a"});
   scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 20});
   EXPECT_EQ(scheduler_.jobs().TurnOfFirst(JobId("a-3")), 0);
   EXPECT_EQ(scheduler_.jobs().TurnOfFirst(JobId("a-high")), -5);

@@ -8,7 +8,9 @@
 #include "proto/logging/fields.h"
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
+#include "proto/sandbox/sandbox.h"
 #include "server/coordinator/job_status.h"
+#include "server/finish/finish_frame.h"
 #include "server/job/frame_list.h"
 #include "server/job/job_state.h"
 
@@ -20,16 +22,17 @@ using job::Prerequisite;
 Farm::Farm(const Resources* resources, FarmEffects* effects)
     : scheduler(
           {.lease = resources->options.lease, .first_attempt = ledger::FirstAttempt(resources->owner.epoch)}),
-      frames(resources->options.finish_pause),
+      frames(resources->options.finish_pause, resources->options.finish_limits),
       frame_limit({.open_logs = resources->options.storage.max_open_logs,
                    .free_disk_bytes = resources->folder.FreeBytes().value_or(0),
-                   .memory_bytes = MemoryBytes()}),
+                   .memory_bytes = sandbox::UsableMemoryBytes()}),
       resources_(resources),
       effects_(effects) {}
 
 void Farm::StartJob(ledger::JobRecord record, const std::vector<Prerequisite>& after) {
   const JobId id = record.id;
   scheduler.jobs().Add(id, record.spec, scheduler::OptionsOf(record.scheduling));
+  frames.AddJob(id, record.scheduling);
   resources_->log().info("event=job_submitted job={} scene={} size={}x{} spp={} frames={}", id.value(),
                          logging::Quoted(record.spec.scene().display_name()), record.spec.width(),
                          record.spec.height(), record.spec.samples_per_pixel(),
@@ -49,6 +52,7 @@ void Farm::EnterJob(const LoadedJob& loaded) {
   if (!planned_class.empty()) options.numeric_class = planned_class;
   if (!loaded.record.numeric_class.empty()) options.numeric_class = loaded.record.numeric_class;
   scheduler.jobs().Add(id, loaded.record.spec, options);
+  frames.AddJob(id, loaded.record.scheduling);
   LimitFramesFor(id);
   for (const int32_t frame : loaded.finished) scheduler.frames().RestoreFinished(id, frame);
   for (const auto& [frame, rounds] : loaded.rounds) {
@@ -204,8 +208,10 @@ void Farm::QueueDue(const FrameKey& key) {
     frame.round = rounds->estimated();
     if (!IsDue(frame)) return;
   }
-  if (const ActiveJob* const active = jobs.FindActive(frame.job); active != nullptr)
+  if (const ActiveJob* const active = jobs.FindActive(frame.job); active != nullptr) {
     frame.rendered = absl::Seconds(active->record.times.render_seconds());
+    frame.memory_bytes = FinishMemoryOf(active->record.spec);
+  }
   frame.samples = scheduler.jobs().Progress(frame.job).samples_done;
   frames.Push(std::move(frame));
 }

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <list>
 #include <optional>
 #include <thread>
 
 #include "absl/status/statusor.h"
+#include "proto/threads/event.h"
 #include "server/commit/committer.h"
 #include "server/coordinator/cleanup.h"
 #include "server/coordinator/farm_state.h"
@@ -11,8 +13,9 @@
 
 namespace lumifold::server {
 
-/// Has frames finished and rounds estimated, one after the other, and records what comes of it.
-/// Threads: one of its own.
+/// Has frames finished and rounds estimated, as many at a time as FrameQueue says, and records what comes of
+/// it.
+/// Threads: one of its own, and one for each frame that is being finished.
 class FrameFinishing {
  public:
   /// All must outlive it. `wake_up` says that frames may be due.
@@ -23,11 +26,19 @@ class FrameFinishing {
   void Join();
 
  private:
+  struct Running {
+    std::thread thread;
+    threads::Event has_ended;
+  };
+
   void Run();
-  /// Waits for a frame that is due; nullopt once the coordinator is stopping.
-  std::optional<DueFrame> Next();
-  /// The first frame that is due now; nullopt, and how long there is nothing to do, if there is none.
-  std::optional<DueFrame> TakeDue(absl::Duration* pause);
+  /// Waits for a frame that may be finished; nullopt once the coordinator is stopping.
+  std::optional<RunningFrame> Next();
+  /// The next one that may be finished now; nullopt, and how long there is nothing to do, if there is none.
+  std::optional<RunningFrame> Begin(absl::Duration* pause);
+  /// Joins the threads of frames that are finished.
+  void JoinEnded();
+  void FinishFrame(const RunningFrame& frame);
   void OnFinished(DueFrame frame, const absl::StatusOr<v1::FrameReport>& report);
   void RetryFrame(Farm* farm, DueFrame frame, const absl::Status& error);
   void AwaitStorage(Farm* farm, DueFrame frame, const absl::Status& error);
@@ -40,6 +51,7 @@ class FrameFinishing {
   Committer* const committer_;
   Cleanup* const cleanup_;
   threads::Event* const wake_up_;
+  std::list<Running> running_;  // of the thread
   std::thread thread_;
 };
 

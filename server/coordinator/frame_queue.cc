@@ -14,9 +14,28 @@ constexpr absl::Duration kLongestPause = absl::Minutes(1);
 
 }  // namespace
 
-FrameQueue::FrameQueue(absl::Duration pause)
+FrameQueue::FrameQueue(absl::Duration pause, const FinishLimits& limits)
     : after_failures_{.first = pause, .factor = kPauseGrowth},
-      for_storage_{.first = pause, .longest = kLongestPause, .factor = kPauseGrowth} {}
+      for_storage_{.first = pause, .longest = kLongestPause, .factor = kPauseGrowth},
+      limits_(limits) {}
+
+void FrameQueue::AddJob(const job::JobId& job, const v1::Scheduling& scheduling) {
+  numbers_[job] = next_number_;
+  share_.AddJob(next_number_++, scheduling.user(), scheduling.priority());
+}
+
+void FrameQueue::SetPriority(const job::JobId& job, int priority) {
+  if (const auto number = numbers_.find(job); number != numbers_.end())
+    share_.SetPriority(number->second, priority);
+}
+
+void FrameQueue::ForgetJob(const job::JobId& job) {
+  std::erase_if(waiting_, [&job](const DueFrame& frame) { return frame.job == job; });
+  const auto number = numbers_.find(job);
+  if (number == numbers_.end()) return;
+  share_.RemoveJob(number->second);
+  numbers_.erase(number);
+}
 
 void FrameQueue::Push(DueFrame frame) {
   has_news_ = true;
@@ -28,13 +47,80 @@ void FrameQueue::Push(DueFrame frame) {
 
 bool FrameQueue::TakeNews() { return std::exchange(has_news_, false); }
 
-std::optional<DueFrame> FrameQueue::TakeDue(absl::Time now) {
-  const auto due = std::find_if(waiting_.begin(), waiting_.end(),
-                                [now](const DueFrame& frame) { return frame.not_before <= now; });
-  if (due == waiting_.end()) return std::nullopt;
-  DueFrame frame = std::move(*due);
+void FrameQueue::FindReady(absl::Time now) {
+  for (const DueFrame& frame : waiting_) {
+    if (MayBegin(frame, now)) share_.SetQueue(numbers_.at(frame.job), &ready_, now);
+  }
+}
+
+std::optional<RunningFrame> FrameQueue::Begin(absl::Time now) {
+  FindReady(now);
+  const std::optional<scheduler::FairShare::Candidate> first = share_.First(ready_, {});
+  if (!first.has_value()) return std::nullopt;
+  const auto due = std::find_if(waiting_.begin(), waiting_.end(), [&](const DueFrame& frame) {
+    return numbers_.at(frame.job) == first->job && MayBegin(frame, now);
+  });
+  RunningFrame frame = {
+      .due = *due, .user = share_.UserOf(first->job), .job_number = first->job, .since = now};
+  // Others do not overtake a frame that needs more memory than is left, or it would wait for ever.
+  if (!HasRoom(frame.due, frame.user)) return std::nullopt;
+  frame.threads =
+      ThreadsFor(frame.due, std::count_if(waiting_.begin(), waiting_.end(),
+                                          [&](const DueFrame& other) { return MayBegin(other, now); }));
+  share_.Choose(*first);
+  share_.Granted(first->job, now);
   waiting_.erase(due);
+  running_.push_back(frame);
+  const bool has_more = std::any_of(waiting_.begin(), waiting_.end(), [&](const DueFrame& other) {
+    return other.job == frame.due.job && MayBegin(other, now);
+  });
+  if (!has_more) share_.SetQueue(first->job, nullptr, now);
   return frame;
+}
+
+void FrameQueue::End(const FrameKey& key, absl::Time now) {
+  const auto frame = std::find_if(running_.begin(), running_.end(),
+                                  [&](const RunningFrame& other) { return other.due.key() == key; });
+  // Of a job that has ended, and perhaps begun again, nothing is charged.
+  const auto number = numbers_.find(key.first);
+  if (number != numbers_.end() && number->second == frame->job_number)
+    share_.Ended(number->second, frame->threads * (now - frame->since));
+  running_.erase(frame);
+  has_news_ = true;
+}
+
+uint64_t FrameQueue::MemoryOf(const DueFrame& frame) const {
+  return limits_.frame_memory_bytes == 0 ? frame.memory_bytes
+                                         : std::min(frame.memory_bytes, limits_.frame_memory_bytes);
+}
+
+uint64_t FrameQueue::UsedMemory() const {
+  uint64_t bytes = 0;
+  for (const RunningFrame& frame : running_) bytes += MemoryOf(frame.due);
+  return bytes;
+}
+
+bool FrameQueue::HasRoom(const DueFrame& frame, const std::string& user) const {
+  const auto count = static_cast<int>(running_.size());
+  if (limits_.processes > 0) return count < limits_.processes;
+  if (running_.empty()) return true;
+  if (UsedMemory() + MemoryOf(frame) > limits_.memory_bytes) return false;
+  if (count < limits_.threads) return true;
+  const bool has_none = std::none_of(running_.begin(), running_.end(),
+                                     [&](const RunningFrame& other) { return other.user == user; });
+  return has_none && count < 2 * limits_.threads;
+}
+
+int FrameQueue::ThreadsFor(const DueFrame& frame, int64_t ready) const {
+  const auto by_memory = static_cast<int64_t>(limits_.memory_bytes / std::max<uint64_t>(MemoryOf(frame), 1));
+  const int64_t places =
+      limits_.processes > 0 ? int64_t{limits_.processes} : std::clamp<int64_t>(by_memory, 1, limits_.threads);
+  const int64_t together =
+      std::min(ready, std::max<int64_t>(1, places - static_cast<int64_t>(running_.size())));
+  int64_t idle = limits_.threads;
+  for (const RunningFrame& other : running_) idle -= other.threads;
+  const int64_t part = (std::max<int64_t>(0, idle) + together - 1) / together;
+  return static_cast<int>(std::max({int64_t{1}, limits_.threads / places, part}));
 }
 
 absl::Time FrameQueue::NextDue(absl::Time now) const {
@@ -57,12 +143,23 @@ void FrameQueue::AwaitStorage(DueFrame* frame, absl::Time now) {
   waiting_.push_back(*frame);
 }
 
-void FrameQueue::MarkStale(const FrameKey& frame) {
-  if (current_.has_value() && current_->frame == frame) current_->is_stale = true;
+bool FrameQueue::IsRunning(const FrameKey& frame) const {
+  return std::any_of(running_.begin(), running_.end(),
+                     [&](const RunningFrame& other) { return other.due.key() == frame; });
 }
 
-void FrameQueue::ForgetJob(const job::JobId& job) {
-  std::erase_if(waiting_, [&job](const DueFrame& frame) { return frame.job == job; });
+bool FrameQueue::IsFinishing(const job::JobId& job) const {
+  return std::any_of(running_.begin(), running_.end(),
+                     [&](const RunningFrame& frame) { return frame.due.job == job; });
+}
+
+void FrameQueue::MarkStale(const FrameKey& frame) {
+  for (RunningFrame& other : running_) other.is_stale = other.is_stale || other.due.key() == frame;
+}
+
+bool FrameQueue::IsStale(const FrameKey& frame) const {
+  return std::any_of(running_.begin(), running_.end(),
+                     [&](const RunningFrame& other) { return other.due.key() == frame && other.is_stale; });
 }
 
 }  // namespace lumifold::server

@@ -50,6 +50,8 @@ monitoring::FarmMetrics MetricsOf(const Resources& resources, FarmState* state) 
   metrics.worker_slots = counts.slots;
   metrics.workers = counts.workers;
   metrics.blocked_names = static_cast<int64_t>(farm->scheduler.workers().Blocked().size());
+  metrics.frames_filtering = static_cast<int64_t>(farm->frames.running().size());
+  metrics.frames_waiting = static_cast<int64_t>(farm->frames.waiting().size());
   for (const auto& [job, active] : farm->jobs.active())
     ++metrics.jobs[StateOfActiveJob(active.record, farm->scheduler.jobs().Progress(job),
                                     farm->dependencies.IsWaiting(job))];

@@ -162,6 +162,7 @@ void OperatorCalls::Reschedule(Farm* farm, ActiveJob* active, const v1::Scheduli
   if (scheduling.priority() != before.priority()) {
     resources_->log().info("event=job_priority job={} priority={}", job.value(), scheduling.priority());
     farm->scheduler.jobs().SetPriority(job, scheduling.priority());
+    farm->frames.SetPriority(job, scheduling.priority());
   }
   farm->watchers.MarkChanged(job);
 }

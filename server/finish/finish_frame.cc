@@ -20,6 +20,12 @@ namespace {
 
 using ledger::JobRecord;
 
+/// Of a process without a film.
+constexpr uint64_t kProcessBytes = uint64_t{64} << 20;
+/// Of the film and the filter together: 4.4 GB for a block of 1536x1536 pixels of a scene with reflections
+/// (docs/operations.md); 700 for the Cornell box.
+constexpr uint64_t kBytesPerPixel = 1900;
+
 /// Measures the time of alternating stages.
 class StageClock {
  public:
@@ -207,6 +213,13 @@ absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::Jo
   *report.mutable_times() = clock.Times();
   if (info.estimated_error.has_value()) report.set_estimated_error(*info.estimated_error);
   return report;
+}
+
+uint64_t FinishMemoryOf(const v1::JobSpec& spec) {
+  const int64_t frame = int64_t{spec.width()} * spec.height();
+  // With adaptive sampling all of the frame at once, before a round and after it.
+  const int64_t pixels = spec.has_adaptive() ? 2 * frame : std::min(frame, filter::BlockParams().whole);
+  return kProcessBytes + static_cast<uint64_t>(pixels) * kBytesPerPixel;
 }
 
 }  // namespace lumifold::server

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 
 #include "absl/status/statusor.h"
@@ -24,5 +25,8 @@ absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::Jo
                                             const ledger::OwnedJob& job, int32_t frame, TaskPool* pool,
                                             const std::function<absl::Time()>& now,
                                             const filter::BlockParams& blocks = {});
+
+/// Memory that finishing a frame of the job takes, at most: with all layers and levels.
+uint64_t FinishMemoryOf(const v1::JobSpec& spec);
 
 }  // namespace lumifold::server

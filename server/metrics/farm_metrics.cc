@@ -62,6 +62,8 @@ std::vector<MetricFamily> FamiliesOf(const FarmMetrics& metrics) {
       Gauge("lumifold_page_viewers", "Browsers that watch the status page.", number(metrics.page_viewers)),
       WorkersOf(metrics),
       JobsOf(metrics),
+      GaugeBy("state", "lumifold_frames", "Frames that are rendered, and rounds of frames.",
+              {{"filtering", number(metrics.frames_filtering)}, {"waiting", number(metrics.frames_waiting)}}),
       Gauge("lumifold_blocked_workers", "Names of workers that are blocked, connected or not.",
             number(metrics.blocked_names)),
       Counter("lumifold_samples_committed_total", "Camera samples of committed units.",

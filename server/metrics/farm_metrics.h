@@ -38,6 +38,8 @@ struct FarmMetrics {
   int64_t page_viewers = 0;     // browsers that watch the status page
   std::map<v1::WorkerState, int64_t> workers;
   std::map<v1::JobState, int64_t> jobs;  // active ones
+  int64_t frames_filtering = 0;          // being finished
+  int64_t frames_waiting = 0;            // for a place in the filter, or for a new try
   int64_t blocked_names = 0;             // workers that operators or audits have blocked, connected or not
 
   // Since the coordinator's start.

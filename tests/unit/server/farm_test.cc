@@ -261,7 +261,7 @@ TEST_F(FarmTest, SaysEachCauseThatHoldsAJobUp) {
   EXPECT_GT(farm_.LeasesWanted(job), 0);
 }
 
-TEST_F(FarmTest, SaysHowManyFramesAreFinishedBeforeThoseOfAJob) {
+TEST_F(FarmTest, SaysWhichFramesOfAJobAreInTheFilterAndHowManyWaitForIt) {
   const JobId job = Start("j-1");
   const auto queue = [&](const std::string& id, int32_t number, absl::Duration until_due, int failures) {
     farm_.frames.Push(
@@ -277,11 +277,13 @@ TEST_F(FarmTest, SaysHowManyFramesAreFinishedBeforeThoseOfAJob) {
     return found;
   };
   EXPECT_THAT(reasons(), IsEmpty());
+  Start("j-9");
   queue("j-9", 7, absl::Seconds(9), 0);  // it waits for the storage, and nobody for it
   queue("j-1", 1, absl::Seconds(5), 0);
-  EXPECT_THAT(reasons(), ElementsAre("filter_queue: frame 1 waits for the filter, 0 frames of this and other "
-                                     "jobs before it"));
+  EXPECT_THAT(reasons(), ElementsAre("filter_queue: frame 1 waits for the filter, which has 0 frames of this "
+                                     "and other jobs; 0 wait"));
   farm_.frames.ForgetJob(job);
+  farm_.frames.AddJob(job, {});
   queue("j-9", 8, absl::ZeroDuration(), 0);
   queue("j-1", 3, absl::Milliseconds(2500), 2);
   queue("j-1", 2, absl::ZeroDuration(), 2);
@@ -289,7 +291,18 @@ TEST_F(FarmTest, SaysHowManyFramesAreFinishedBeforeThoseOfAJob) {
   EXPECT_THAT(
       reasons(),
       ElementsAre("filter_retry: the filter of frame 3 failed 2 times and is tried again in 3 s",
-                  "filter_queue: frame 2 waits for the filter, 1 frames of this and other jobs before it"));
+                  "filter_queue: frame 2 waits for the filter, which has 0 frames of this and other jobs; 3 "
+                  "wait"));
+  ASSERT_EQ(farm_.frames.Begin(now_)->due.job, JobId("j-9"));
+  farm_.frames.End({JobId("j-9"), 8}, now_);
+  ASSERT_EQ(farm_.frames.Begin(now_)->due.number, 2);
+  now_ += absl::Seconds(2);
+  EXPECT_THAT(
+      reasons(),
+      ElementsAre("filter_running: frame 2 has been in the filter for 2 s, on 1 thread",
+                  "filter_retry: the filter of frame 3 failed 2 times and is tried again in 1 s",
+                  "filter_queue: frame 4 waits for the filter, which has 1 frames of this and other jobs; 1 "
+                  "wait"));
 }
 
 TEST_F(FarmTest, CountsWhatACommittedUnitAddsToItsJobAlsoWhileThatEnds) {

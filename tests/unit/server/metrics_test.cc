@@ -50,6 +50,8 @@ TEST(FarmMetrics, EachFigureHasItsName) {
   metrics.workers = {{v1::WORKER_STATE_IDLE, 6}, {v1::WORKER_STATE_SET_ASIDE, 7}};
   metrics.jobs = {{v1::JOB_STATE_RUNNING, 8}, {v1::JOB_STATE_PAUSED, 9}};
   metrics.blocked_names = 10;
+  metrics.frames_filtering = 33;
+  metrics.frames_waiting = 34;
   metrics.samples_committed = 11;
   metrics.leases_expired = 12;
   metrics.retries = {{"failed", 13}, {"stalled", 14}};
@@ -67,7 +69,8 @@ TEST(FarmMetrics, EachFigureHasItsName) {
                   Pair("workers{set_aside}", 7), Pair("workers{busy}", 0), Pair("workers{draining}", 0),
                   Pair("workers{silent}", 0), Pair("workers{blocked}", 0), Pair("jobs{running}", 8),
                   Pair("jobs{paused}", 9), Pair("jobs{submitted}", 0), Pair("jobs{planned}", 0),
-                  Pair("jobs{filtering}", 0), Pair("blocked_workers", 10),
+                  Pair("jobs{filtering}", 0), Pair("frames{filtering}", 33), Pair("frames{waiting}", 34),
+                  Pair("blocked_workers", 10),
                   Pair("samples_committed_total", 11), Pair("lease_expiries_total", 12),
                   Pair("unit_retries_total{failed}", 13), Pair("unit_retries_total{stalled}", 14),
                   Pair("received_bytes_total{units}", 15), Pair("received_bytes_total{assets}", 16),

@@ -22,7 +22,7 @@ using job::Prerequisite;
 Farm::Farm(const Resources* resources, FarmEffects* effects)
     : scheduler(
           {.lease = resources->options.lease, .first_attempt = ledger::FirstAttempt(resources->owner.epoch)}),
-      frames(resources->options.finish_pause, resources->options.finish_limits),
+      frames(resources->options.finishing),
       frame_limit({.open_logs = resources->options.storage.max_open_logs,
                    .free_disk_bytes = resources->folder.FreeBytes().value_or(0),
                    .memory_bytes = sandbox::UsableMemoryBytes()}),

@@ -14,10 +14,10 @@ constexpr absl::Duration kLongestPause = absl::Minutes(1);
 
 }  // namespace
 
-FrameQueue::FrameQueue(absl::Duration pause, const FinishLimits& limits)
-    : after_failures_{.first = pause, .factor = kPauseGrowth},
-      for_storage_{.first = pause, .longest = kLongestPause, .factor = kPauseGrowth},
-      limits_(limits) {}
+FrameQueue::FrameQueue(const FinishOptions& options)
+    : after_failures_{.first = options.pause, .factor = kPauseGrowth},
+      for_storage_{.first = options.pause, .longest = kLongestPause, .factor = kPauseGrowth},
+      options_(options) {}
 
 void FrameQueue::AddJob(const job::JobId& job, const v1::Scheduling& scheduling) {
   numbers_[job] = next_number_;
@@ -90,8 +90,8 @@ void FrameQueue::End(const FrameKey& key, absl::Time now) {
 }
 
 uint64_t FrameQueue::MemoryOf(const DueFrame& frame) const {
-  return limits_.frame_memory_bytes == 0 ? frame.memory_bytes
-                                         : std::min(frame.memory_bytes, limits_.frame_memory_bytes);
+  return options_.frame_memory_bytes == 0 ? frame.memory_bytes
+                                          : std::min(frame.memory_bytes, options_.frame_memory_bytes);
 }
 
 uint64_t FrameQueue::UsedMemory() const {
@@ -102,25 +102,25 @@ uint64_t FrameQueue::UsedMemory() const {
 
 bool FrameQueue::HasRoom(const DueFrame& frame, const std::string& user) const {
   const auto count = static_cast<int>(running_.size());
-  if (limits_.processes > 0) return count < limits_.processes;
+  if (options_.processes > 0) return count < options_.processes;
   if (running_.empty()) return true;
-  if (UsedMemory() + MemoryOf(frame) > limits_.memory_bytes) return false;
-  if (count < limits_.threads) return true;
+  if (UsedMemory() + MemoryOf(frame) > options_.memory_bytes) return false;
+  if (count < options_.threads) return true;
   const bool has_none = std::none_of(running_.begin(), running_.end(),
                                      [&](const RunningFrame& other) { return other.user == user; });
-  return has_none && count < 2 * limits_.threads;
+  return has_none && count < 2 * options_.threads;
 }
 
 int FrameQueue::ThreadsFor(const DueFrame& frame, int64_t ready) const {
-  const auto by_memory = static_cast<int64_t>(limits_.memory_bytes / std::max<uint64_t>(MemoryOf(frame), 1));
-  const int64_t places =
-      limits_.processes > 0 ? int64_t{limits_.processes} : std::clamp<int64_t>(by_memory, 1, limits_.threads);
+  const auto by_memory = static_cast<int64_t>(options_.memory_bytes / std::max<uint64_t>(MemoryOf(frame), 1));
+  const int64_t places = options_.processes > 0 ? int64_t{options_.processes}
+                                                : std::clamp<int64_t>(by_memory, 1, options_.threads);
   const int64_t together =
       std::min(ready, std::max<int64_t>(1, places - static_cast<int64_t>(running_.size())));
-  int64_t idle = limits_.threads;
+  int64_t idle = options_.threads;
   for (const RunningFrame& other : running_) idle -= other.threads;
   const int64_t part = (std::max<int64_t>(0, idle) + together - 1) / together;
-  return static_cast<int>(std::max({int64_t{1}, limits_.threads / places, part}));
+  return static_cast<int>(std::max({int64_t{1}, options_.threads / places, part}));
 }
 
 absl::Time FrameQueue::NextDue(absl::Time now) const {

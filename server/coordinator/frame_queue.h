@@ -11,7 +11,7 @@
 #include "lumifold/v1/job.pb.h"
 #include "proto/retry/pauses.h"
 #include "server/commit/open_logs.h"
-#include "server/coordinator/finish_limits.h"
+#include "server/coordinator/finish_options.h"
 #include "server/job/ids.h"
 #include "server/scheduler/fair_share.h"
 
@@ -59,8 +59,7 @@ struct RunningFrame {
 /// Threads: one at a time.
 class FrameQueue {
  public:
-  /// `pause` follows the first failure of a frame; each further one is four times as long.
-  FrameQueue(absl::Duration pause, const FinishLimits& limits);
+  explicit FrameQueue(const FinishOptions& options);
 
   /// Before its first frame is queued.
   void AddJob(const job::JobId& job, const v1::Scheduling& scheduling);
@@ -108,7 +107,7 @@ class FrameQueue {
 
   const retry::Pauses after_failures_;
   const retry::Pauses for_storage_;
-  const FinishLimits limits_;
+  const FinishOptions options_;
   std::deque<DueFrame> waiting_;
   std::vector<RunningFrame> running_;
   scheduler::FairShare share_;

@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "absl/time/time.h"
-#include "server/coordinator/finish_limits.h"
+#include "server/coordinator/finish_options.h"
 #include "server/storage/retention.h"
 #include "server/storage/storage_options.h"
 
@@ -51,10 +51,7 @@ struct CoordinatorOptions {
   absl::Duration lease = absl::Seconds(30);
   /// Interval of the workers' heartbeats.
   absl::Duration heartbeat = absl::Seconds(5);
-  /// Pause before a frame whose filter process was killed is tried again; the next pause is four times as
-  /// long.
-  absl::Duration finish_pause = absl::Seconds(5);
-  FinishLimits finish_limits;
+  FinishOptions finishing;
   /// Monotonic clock: orders everything.
   std::function<absl::Time()> now;
   /// Wall clock: stamps submissions, for display and for the ids of jobs.

@@ -76,10 +76,10 @@ class FailingFinisher final : public FrameFinisher {
 
 class FinisherStageTest : public CommittedFrameFixture {
  protected:
-  void Start(const FinishLimits& limits = {}) {
+  void Start(int processes = 1) {
     CoordinatorOptions options;
-    options.finish_limits = limits;
-    options.finish_pause = absl::Milliseconds(1);
+    options.finishing.processes = processes;
+    options.finishing.pause = absl::Milliseconds(1);
     options.now = rpc::MonotonicNow;
     options.wall_now = [] { return absl::Now(); };
     options.random = [] { return uint64_t{1}; };
@@ -145,7 +145,7 @@ TEST_F(FinisherStageTest, AsManyFramesAsThereArePlacesAreFinishedAtATime) {
   Commit(kJob, Spec(20, 12));
   Commit(kOther, Spec(20, 12));
   finisher_.Hang();
-  Start({.processes = 2});
+  Start(2);
   while (finisher_.tried().size() < 2) absl::SleepFor(absl::Milliseconds(5));
   EXPECT_THAT(finisher_.tried(), testing::UnorderedElementsAre(kJob, kOther));
   v1::ExplainJobResponse explained = *coordinator_->jobs().ExplainJob(kOther.value());

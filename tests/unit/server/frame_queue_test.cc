@@ -22,7 +22,10 @@ constexpr uint64_t kBytesOfFrame = 100;
 
 class FrameQueueTest : public testing::Test {
  protected:
-  void Make(const FinishLimits& limits) { queue_.emplace(kFirstPause, limits); }
+  void Make(FinishOptions options) {
+    options.pause = kFirstPause;
+    queue_.emplace(options);
+  }
 
   void AddJob(const std::string& id, const std::string& user, int priority = 0) {
     v1::Scheduling scheduling;

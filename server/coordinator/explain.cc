@@ -27,10 +27,17 @@ std::string TextOf(const std::vector<JobId>& waits_for) {
 }
 
 /// Adds which frames of the job are being filtered.
-void ExplainRunning(const FrameQueue& frames, const JobId& job, absl::Time now,
-                    v1::ExplainJobResponse* response) {
-  for (const RunningFrame& frame : frames.running()) {
+void ExplainRunning(const Farm& farm, const JobId& job, absl::Time now, v1::ExplainJobResponse* response) {
+  for (const RunningFrame& frame : farm.frames.running()) {
     if (frame.due.job != job) continue;
+    if (frame.worker.has_value()) {
+      AddReason("filter_worker",
+                absl::StrCat("frame ", frame.due.number, " has been with worker ",
+                             farm.workers.NameOf(*frame.worker), " for ",
+                             absl::ToInt64Seconds(now - frame.since), " s, which filters it"),
+                response);
+      continue;
+    }
     AddReason("filter_running",
               absl::StrCat("frame ", frame.due.number, " has been in the filter for ",
                            absl::ToInt64Seconds(now - frame.since), " s, on ", frame.threads,
@@ -56,8 +63,8 @@ void ExplainFinishing(const FrameQueue& frames, const JobId& job, absl::Time now
           response);
     } else if (is_first) {
       AddReason("filter_queue",
-                absl::StrCat("frame ", frame.number, " waits for the filter, which has ",
-                             frames.running().size(), " frames of this and other jobs; ", due, " wait"),
+                absl::StrCat("frame ", frame.number, " waits for the filter, which has ", frames.CountHere(),
+                             " frames of this and other jobs; ", due, " wait"),
                 response);
       is_first = false;
     }
@@ -91,7 +98,7 @@ void ExplainWaiting(const Farm& farm, const JobId& job, absl::Time now, v1::Expl
   for (const scheduler::Reason& reason : farm.scheduler.Explain(job, now)) {
     if (reason.code != "paused" || is_paused) AddReason(reason.code, reason.text, response);
   }
-  ExplainRunning(farm.frames, job, now, response);
+  ExplainRunning(farm, job, now, response);
   ExplainFinishing(farm.frames, job, now, response);
 }
 

@@ -10,9 +10,9 @@
 #include "proto/rpc/limits.h"
 #include "proto/sandbox/sandbox.h"
 #include "server/coordinator/job_status.h"
-#include "server/finish/finish_frame.h"
 #include "server/job/frame_list.h"
 #include "server/job/job_state.h"
+#include "server/picture/make_picture.h"
 
 namespace lumifold::server {
 
@@ -23,6 +23,7 @@ Farm::Farm(const Resources* resources, FarmEffects* effects)
     : scheduler(
           {.lease = resources->options.lease, .first_attempt = ledger::FirstAttempt(resources->owner.epoch)}),
       frames(resources->options.finishing),
+      finish_leases(resources->options.lease),
       frame_limit({.open_logs = resources->options.storage.max_open_logs,
                    .free_disk_bytes = resources->folder.FreeBytes().value_or(0),
                    .memory_bytes = sandbox::UsableMemoryBytes()}),
@@ -115,6 +116,11 @@ void Farm::SuspendJob(const JobId& job, v1::JobStatus shown) {
 void Farm::StopRendering(const JobId& job) {
   scheduler.jobs().End(job);
   frames.ForgetJob(job);
+  // JobEnded says so. A result that is being recorded ends by itself.
+  for (const job::Attempt attempt : finish_leases.OfJob(job)) {
+    if (!finish_leases.IsDelivered(attempt))
+      frames.End(finish_leases.End(attempt).frame, resources_->options.now());
+  }
   effects_->CancelFinishing(job);
   workers.SendJobEnded(job);
 }
@@ -210,7 +216,10 @@ void Farm::QueueDue(const FrameKey& key) {
   }
   if (const ActiveJob* const active = jobs.FindActive(frame.job); active != nullptr) {
     frame.rendered = absl::Seconds(active->record.times.render_seconds());
-    frame.memory_bytes = FinishMemoryOf(active->record.spec);
+    frame.memory_bytes = PictureMemoryOf(active->record.spec);
+    // An audit compares units. What a worker makes of them is only its word: such jobs are finished here.
+    frame.may_travel = frame.round == DueFrame::kResult && !active->record.spec.has_adaptive() &&
+                       IsOneBlock(active->record.spec) && active->record.scheduling.audit_share() == 0;
   }
   frame.samples = scheduler.jobs().Progress(frame.job).samples_done;
   frames.Push(std::move(frame));

@@ -86,9 +86,8 @@ std::optional<RunningFrame> FrameFinishing::Begin(absl::Duration* pause) {
   FarmState::Change farm(state_);
   if (farm->is_stopping()) return std::nullopt;
   if (resources_->storage.ok()) {
-    while (std::optional<RunningFrame> frame = farm->frames.Begin(now)) {
-      if (farm->jobs.FindActive(frame->due.job) != nullptr && farm->IsDue(frame->due)) return frame;
-      farm->frames.End(frame->due.key(), now);
+    while (std::optional<RunningFrame> frame = farm->BeginFrame(now)) {
+      if (!frame->worker.has_value()) return frame;
     }
   }
   // Of frames that are due already, only room and the storage are waited for: both wake this thread.

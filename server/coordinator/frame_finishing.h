@@ -24,6 +24,8 @@ class FrameFinishing {
   void Start();
   /// Once the farm is stopping and the finisher cancelled.
   void Join();
+  /// A frame is finished, here or by a worker, or that has failed; it is still running in FrameQueue.
+  void OnFinished(DueFrame frame, const absl::StatusOr<v1::FrameReport>& report);
 
  private:
   struct Running {
@@ -34,12 +36,12 @@ class FrameFinishing {
   void Run();
   /// Waits for a frame that may be finished; nullopt once the coordinator is stopping.
   std::optional<RunningFrame> Next();
-  /// The next one that may be finished now; nullopt, and how long there is nothing to do, if there is none.
+  /// The next one that may be finished here now, once workers have all that are for them; nullopt, and how
+  /// long there is nothing to do, if there is none.
   std::optional<RunningFrame> Begin(absl::Duration* pause);
   /// Joins the threads of frames that are finished.
   void JoinEnded();
   void FinishFrame(const RunningFrame& frame);
-  void OnFinished(DueFrame frame, const absl::StatusOr<v1::FrameReport>& report);
   void RetryFrame(Farm* farm, DueFrame frame, const absl::Status& error);
   void AwaitStorage(Farm* farm, DueFrame frame, const absl::Status& error);
   /// Opens the rounds that the frame's record has.

@@ -1,6 +1,7 @@
 #include "server/coordinator/frame_queue.h"
 
 #include <algorithm>
+#include <set>
 #include <utility>
 
 namespace lumifold::server {
@@ -53,28 +54,53 @@ void FrameQueue::FindReady(absl::Time now) {
   }
 }
 
+std::deque<DueFrame>::iterator FrameQueue::FirstOf(int64_t job, absl::Time now) {
+  return std::find_if(waiting_.begin(), waiting_.end(), [&](const DueFrame& frame) {
+    return numbers_.at(frame.job) == job && MayBegin(frame, now);
+  });
+}
+
 std::optional<RunningFrame> FrameQueue::Begin(absl::Time now) {
   FindReady(now);
   const std::optional<scheduler::FairShare::Candidate> first = share_.First(ready_, {});
   if (!first.has_value()) return std::nullopt;
-  const auto due = std::find_if(waiting_.begin(), waiting_.end(), [&](const DueFrame& frame) {
-    return numbers_.at(frame.job) == first->job && MayBegin(frame, now);
-  });
-  RunningFrame frame = {
-      .due = *due, .user = share_.UserOf(first->job), .job_number = first->job, .since = now};
+  const auto due = FirstOf(first->job, now);
   // Others do not overtake a frame that needs more memory than is left, or it would wait for ever.
-  if (!HasRoom(frame.due, frame.user)) return std::nullopt;
-  frame.threads =
-      ThreadsFor(frame.due, std::count_if(waiting_.begin(), waiting_.end(),
-                                          [&](const DueFrame& other) { return MayBegin(other, now); }));
-  share_.Choose(*first);
-  share_.Granted(first->job, now);
+  if (!HasRoom(*due, share_.UserOf(first->job))) return std::nullopt;
+  const auto ready = std::count_if(waiting_.begin(), waiting_.end(),
+                                   [&](const DueFrame& other) { return MayBegin(other, now); });
+  return Start(*first, due, std::nullopt, ThreadsFor(*due, ready), now);
+}
+
+std::optional<RunningFrame> FrameQueue::BeginAway(
+    absl::Time now, absl::FunctionRef<std::optional<job::WorkerId>(const DueFrame&)> find_worker) {
+  FindReady(now);
+  std::set<int64_t> passed;  // jobs whose frames stay here
+  while (const std::optional<scheduler::FairShare::Candidate> first = share_.First(ready_, passed)) {
+    const auto due = std::find_if(waiting_.begin(), waiting_.end(), [&](const DueFrame& frame) {
+      return frame.may_travel && numbers_.at(frame.job) == first->job && MayBegin(frame, now);
+    });
+    const std::optional<job::WorkerId> worker = due == waiting_.end() ? std::nullopt : find_worker(*due);
+    if (worker.has_value()) return Start(*first, due, worker, /*threads=*/1, now);
+    passed.insert(first->job);
+  }
+  return std::nullopt;
+}
+
+RunningFrame FrameQueue::Start(const scheduler::FairShare::Candidate& first,
+                               std::deque<DueFrame>::iterator due, std::optional<job::WorkerId> worker,
+                               int threads, absl::Time now) {
+  const RunningFrame frame = {.due = std::move(*due),
+                              .user = share_.UserOf(first.job),
+                              .job_number = first.job,
+                              .worker = worker,
+                              .threads = threads,
+                              .since = now};
   waiting_.erase(due);
   running_.push_back(frame);
-  const bool has_more = std::any_of(waiting_.begin(), waiting_.end(), [&](const DueFrame& other) {
-    return other.job == frame.due.job && MayBegin(other, now);
-  });
-  if (!has_more) share_.SetQueue(first->job, nullptr, now);
+  share_.Choose(first);
+  share_.Granted(first.job, now);
+  if (FirstOf(first.job, now) == waiting_.end()) share_.SetQueue(first.job, nullptr, now);
   return frame;
 }
 
@@ -89,6 +115,16 @@ void FrameQueue::End(const FrameKey& key, absl::Time now) {
   has_news_ = true;
 }
 
+void FrameQueue::ComeBack(const FrameKey& key, absl::Time now) {
+  const auto frame = std::find_if(running_.begin(), running_.end(),
+                                  [&](const RunningFrame& other) { return other.due.key() == key; });
+  DueFrame due = frame->due;
+  const bool is_wanted = !frame->is_stale && numbers_.contains(key.first);
+  End(key, now);
+  due.may_travel = false;
+  if (is_wanted) waiting_.push_front(std::move(due));
+}
+
 uint64_t FrameQueue::MemoryOf(const DueFrame& frame) const {
   return options_.frame_memory_bytes == 0 ? frame.memory_bytes
                                           : std::min(frame.memory_bytes, options_.frame_memory_bytes);
@@ -96,18 +132,24 @@ uint64_t FrameQueue::MemoryOf(const DueFrame& frame) const {
 
 uint64_t FrameQueue::UsedMemory() const {
   uint64_t bytes = 0;
-  for (const RunningFrame& frame : running_) bytes += MemoryOf(frame.due);
+  for (const RunningFrame& frame : running_) bytes += frame.worker.has_value() ? 0 : MemoryOf(frame.due);
   return bytes;
 }
 
+int FrameQueue::CountHere() const {
+  return static_cast<int>(std::count_if(running_.begin(), running_.end(),
+                                        [](const RunningFrame& frame) { return !frame.worker.has_value(); }));
+}
+
 bool FrameQueue::HasRoom(const DueFrame& frame, const std::string& user) const {
-  const auto count = static_cast<int>(running_.size());
+  const int count = CountHere();
   if (options_.processes > 0) return count < options_.processes;
-  if (running_.empty()) return true;
+  if (count == 0) return true;
   if (UsedMemory() + MemoryOf(frame) > options_.memory_bytes) return false;
   if (count < options_.threads) return true;
-  const bool has_none = std::none_of(running_.begin(), running_.end(),
-                                     [&](const RunningFrame& other) { return other.user == user; });
+  const bool has_none = std::none_of(running_.begin(), running_.end(), [&](const RunningFrame& other) {
+    return other.user == user && !other.worker.has_value();
+  });
   return has_none && count < 2 * options_.threads;
 }
 
@@ -115,10 +157,9 @@ int FrameQueue::ThreadsFor(const DueFrame& frame, int64_t ready) const {
   const auto by_memory = static_cast<int64_t>(options_.memory_bytes / std::max<uint64_t>(MemoryOf(frame), 1));
   const int64_t places = options_.processes > 0 ? int64_t{options_.processes}
                                                 : std::clamp<int64_t>(by_memory, 1, options_.threads);
-  const int64_t together =
-      std::min(ready, std::max<int64_t>(1, places - static_cast<int64_t>(running_.size())));
+  const int64_t together = std::min(ready, std::max<int64_t>(1, places - CountHere()));
   int64_t idle = options_.threads;
-  for (const RunningFrame& other : running_) idle -= other.threads;
+  for (const RunningFrame& other : running_) idle -= other.worker.has_value() ? 0 : other.threads;
   const int64_t part = (std::max<int64_t>(0, idle) + together - 1) / together;
   return static_cast<int>(std::max({int64_t{1}, options_.threads / places, part}));
 }

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/time/time.h"
 #include "lumifold/v1/job.pb.h"
 #include "proto/retry/pauses.h"
@@ -29,6 +30,8 @@ struct DueFrame {
   int64_t samples = 0;
   /// Memory that finishing it takes.
   uint64_t memory_bytes = 0;
+  /// A worker may finish it, too.
+  bool may_travel = false;
   /// Number of times that finishing it has failed, and when it may be tried again.
   int failures = 0;
   /// Number of times that the storage could not be written meanwhile, which is no failure of the frame.
@@ -44,7 +47,9 @@ struct RunningFrame {
   /// Whose job it is, and its number in the queue.
   std::string user;
   int64_t job_number = 0;
-  /// That the finisher may use.
+  /// That finishes it; nullopt: this coordinator.
+  std::optional<job::WorkerId> worker;
+  /// That it has there.
   int threads = 1;
   absl::Time since;
   /// Units were taken back meanwhile: its result is of no use.
@@ -55,7 +60,8 @@ struct RunningFrame {
 ///
 /// Users and jobs share the finisher as they share workers (scheduler::FairShare): what counts is the frames
 /// that are being finished and, once they are, the time of their threads. The frames of a job go in the order
-/// in which they became due. A frame alone gets all threads; of several, each gets its part.
+/// in which they became due. A frame alone gets all threads; of several, each gets its part. Frames for which
+/// this coordinator has no place go to workers that have one.
 /// Threads: one at a time.
 class FrameQueue {
  public:
@@ -76,7 +82,12 @@ class FrameQueue {
   bool TakeNews();
   /// Takes the frame that is to be finished next, if one may be now: it is running until End.
   std::optional<RunningFrame> Begin(absl::Time now);
+  /// The same for a worker, where Begin has none. `find_worker` has a place for a frame, or not.
+  std::optional<RunningFrame> BeginAway(
+      absl::Time now, absl::FunctionRef<std::optional<job::WorkerId>(const DueFrame&)> find_worker);
   void End(const FrameKey& frame, absl::Time now);
+  /// Ends a frame that a worker has not finished. It is queued again, for this coordinator.
+  void ComeBack(const FrameKey& frame, absl::Time now);
   /// When the next of those that may not be finished yet may be; InfiniteFuture if there is none.
   absl::Time NextDue(absl::Time now) const;
   /// Queues a frame again that failed, for later. False where it has failed too often.
@@ -90,6 +101,8 @@ class FrameQueue {
   bool IsStale(const FrameKey& frame) const;
   const std::deque<DueFrame>& waiting() const { return waiting_; }
   const std::vector<RunningFrame>& running() const { return running_; }
+  /// Frames that are finished here.
+  int CountHere() const;
 
  private:
   bool IsRunning(const FrameKey& frame) const;
@@ -98,8 +111,12 @@ class FrameQueue {
   }
   /// Jobs with a frame that may be finished now are ready for the next place.
   void FindReady(absl::Time now);
+  /// The frame of a job that begins next.
+  std::deque<DueFrame>::iterator FirstOf(int64_t job, absl::Time now);
+  RunningFrame Start(const scheduler::FairShare::Candidate& first, std::deque<DueFrame>::iterator due,
+                     std::optional<job::WorkerId> worker, int threads, absl::Time now);
   uint64_t MemoryOf(const DueFrame& frame) const;
-  /// Memory of the running frames.
+  /// Memory of the frames that are finished here.
   uint64_t UsedMemory() const;
   bool HasRoom(const DueFrame& frame, const std::string& user) const;
   /// Of a frame that begins while so many may, itself included.

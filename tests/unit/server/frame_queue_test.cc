@@ -200,6 +200,45 @@ TEST_F(FrameQueueTest, AFixedNumberOfProcessesIsKept) {
   EXPECT_THAT(BeginAll(), testing::IsEmpty());
 }
 
+TEST_F(FrameQueueTest, FramesWithoutAPlaceHereGoToWorkersAndComeBackForThisCoordinator) {
+  const job::WorkerId worker(7);
+  Make({});
+  AddJob("j-1", "ann");
+  AddJob("j-2", "bob");
+  Push("j-1", 1, 1);
+  const auto away = [&](bool has_worker = true) {
+    return queue_->BeginAway(
+        kQueueStart, [&](const DueFrame&) { return has_worker ? std::optional(worker) : std::nullopt; });
+  };
+  EXPECT_FALSE(away().has_value()) << "it may not travel";
+  EXPECT_THAT(BeginAll(), ElementsAre(Pair("j-1", 1)));
+  for (const int32_t number : {2, 3}) {
+    DueFrame frame = Frame("j-2", number);
+    frame.may_travel = true;
+    queue_->Push(frame);
+  }
+  Push("j-1", 2, 2);
+  EXPECT_THAT(BeginAll(), testing::IsEmpty());
+  EXPECT_FALSE(away(false).has_value());
+  const std::optional<RunningFrame> sent = away();
+  ASSERT_TRUE(sent.has_value()) << "the other job's frame, which stays here, is passed";
+  EXPECT_EQ(sent->worker, worker);
+  EXPECT_EQ(sent->due.number, 2);
+  EXPECT_EQ(queue_->CountHere(), 1);
+  EXPECT_TRUE(queue_->IsFinishing(JobId("j-2")));
+  EndOne("j-1", kQueueStart);
+  EXPECT_THAT(BeginAll(), ElementsAre(Pair("j-1", 1))) << "what workers have takes no place here";
+  queue_->ComeBack({JobId("j-2"), 2}, kQueueStart);
+  EXPECT_FALSE(queue_->IsFinishing(JobId("j-2")));
+  EXPECT_EQ(away()->due.number, 3);
+  EXPECT_FALSE(away().has_value()) << "a worker had frame 2 already";
+  EndOne("j-1", kQueueStart);
+  EXPECT_EQ(queue_->Begin(kQueueStart)->due.number, 2);
+  queue_->MarkStale({JobId("j-2"), 3});
+  queue_->ComeBack({JobId("j-2"), 3}, kQueueStart);
+  EXPECT_TRUE(queue_->waiting().empty()) << "it is rendered again first";
+}
+
 /// Time that each job has had once the filter has worked for a while on one place.
 std::map<std::string, double> Shares(FrameQueue* queue, const std::map<std::string, absl::Duration>& lengths,
                                      absl::Duration total) {

@@ -106,6 +106,8 @@ void Farm::SuspendJob(const JobId& job, v1::JobStatus shown) {
   if (jobs.FindActive(job) != nullptr) {
     shown = StatusOf(job).value_or(shown);
     shown.set_workers(0);
+    shown.clear_frames_filtering();
+    shown.clear_frames_waiting();
     jobs.TakeActive(job);
     dependencies.Remove(job);
     StopRendering(job);
@@ -176,6 +178,8 @@ std::optional<v1::JobStatus> Farm::StatusOf(const JobId& job) const {
     v1::JobStatus status =
         StatusOfActiveJob(active->record, scheduler.jobs().Progress(job), dependencies.IsWaiting(job));
     status.set_coordinator(address);
+    status.set_frames_filtering(frames.CountRunning(job));
+    status.set_frames_waiting(frames.CountWaiting(job));
     if (active->predicted_error.has_value() && !status.has_estimated_error())
       status.set_estimated_error(*active->predicted_error);
     return status;

@@ -158,6 +158,7 @@ std::optional<RunningFrame> Farm::BeginFrame(absl::Time now) {
     if (!frame.has_value()) return std::nullopt;
     if (jobs.FindActive(frame->due.job) != nullptr && IsDue(frame->due)) {
       if (frame->worker.has_value()) SendFrame(*frame);
+      watchers.MarkChanged(frame->due.job);
       return frame;
     }
     frames.End(frame->due.key(), now);

@@ -189,9 +189,14 @@ bool FrameQueue::IsRunning(const FrameKey& frame) const {
                      [&](const RunningFrame& other) { return other.due.key() == frame; });
 }
 
-bool FrameQueue::IsFinishing(const job::JobId& job) const {
-  return std::any_of(running_.begin(), running_.end(),
-                     [&](const RunningFrame& frame) { return frame.due.job == job; });
+int FrameQueue::CountRunning(const job::JobId& job) const {
+  return static_cast<int>(std::count_if(running_.begin(), running_.end(),
+                                        [&](const RunningFrame& frame) { return frame.due.job == job; }));
+}
+
+int FrameQueue::CountWaiting(const job::JobId& job) const {
+  return static_cast<int>(std::count_if(waiting_.begin(), waiting_.end(),
+                                        [&](const DueFrame& frame) { return frame.job == job; }));
 }
 
 void FrameQueue::MarkStale(const FrameKey& frame) {

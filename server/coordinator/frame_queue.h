@@ -95,7 +95,10 @@ class FrameQueue {
   /// Queues a frame again whose result could not be written.
   void AwaitStorage(DueFrame* frame, absl::Time now);
 
-  bool IsFinishing(const job::JobId& job) const;
+  bool IsFinishing(const job::JobId& job) const { return CountRunning(job) > 0; }
+  /// Frames of a job that are being finished, here or by workers, and those that wait. Linear in all frames.
+  int CountRunning(const job::JobId& job) const;
+  int CountWaiting(const job::JobId& job) const;
   /// Units of the frame were taken back. No effect unless it is running.
   void MarkStale(const FrameKey& frame);
   bool IsStale(const FrameKey& frame) const;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <new>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -53,10 +54,8 @@ absl::StatusOr<std::string> Sha256Of(const rpc::FileHandle& file) {
   }
 }
 
-}  // namespace
-
-absl::Status FinishFrame(const v1::JobSpec& spec, const std::string& numeric_class, const v1::Lease& lease,
-                         FrameLink* link, UnitControl* control) {
+absl::Status Finish(const v1::JobSpec& spec, const std::string& numeric_class, const v1::Lease& lease,
+                    FrameLink* link, UnitControl* control) {
   MemoryFiles files;
   const absl::StatusOr<film::UnitRecords> units = Fetch(lease, link, control, &files);
   if (!units.ok()) return units.status();
@@ -77,6 +76,17 @@ absl::Status FinishFrame(const v1::JobSpec& spec, const std::string& numeric_cla
     if (absl::Status status = CheckWanted(*control); !status.ok()) return status;
     return sender->Next(chunk);
   });
+}
+
+}  // namespace
+
+absl::Status FinishFrame(const v1::JobSpec& spec, const std::string& numeric_class, const v1::Lease& lease,
+                         FrameLink* link, UnitControl* control) {
+  try {
+    return Finish(spec, numeric_class, lease, link, control);
+  } catch (const std::bad_alloc&) {
+    return absl::ResourceExhaustedError("out of memory while finishing the frame");
+  }
 }
 
 }  // namespace lumifold::worker

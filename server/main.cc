@@ -60,6 +60,7 @@ struct PageFlags {
 
 struct FilterFlags {
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  int processes = 0;
   uint64_t memory_mb = 0;
   double minutes = 1440.0;
 };
@@ -158,10 +159,16 @@ void AddAddresses(CLI::App* app, Flags* flags) {
 }
 
 void AddFilterFlags(CLI::App* app, FilterFlags* flags) {
-  app->add_option("--filter-threads", flags->threads, "Threads of the filter (default: one for each core)")
+  app->add_option("--filter-threads", flags->threads,
+                  "Threads of the filter, of all its processes together (default: one for each core)")
       ->check(CLI::Range(1, 1024));
+  app->add_option("--finish-processes", flags->processes,
+                  "Frames that are finished at a time, each in a process; auto: as cores and memory allow")
+      ->transform(CLI::Transformer(std::map<std::string, std::string>{{"auto", "0"}}))
+      ->check(CLI::Range(0, 1024))
+      ->option_text("N|auto [auto]");
   app->add_option("--filter-memory-mb", flags->memory_mb,
-                  "Limit of the filter process's address space in MiB; 0: none")
+                  "Limit of the address space of a filter process in MiB; 0: none")
       ->capture_default_str();
   app->add_option("--filter-minutes", flags->minutes,
                   "Time after which the filter process of a frame is ended")
@@ -357,6 +364,7 @@ int RunServer(const Flags& flags) {
   options.lease = absl::Seconds(flags.lease_seconds);
   options.heartbeat = absl::Seconds(flags.heartbeat_seconds);
   options.filter.threads = flags.filter.threads;
+  options.filter.processes = flags.filter.processes;
   options.filter.in_child_process = true;
   options.filter.memory_limit_bytes = flags.filter.memory_mb << 20;
   options.filter.time_limit = absl::Minutes(flags.filter.minutes);

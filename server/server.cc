@@ -27,6 +27,7 @@
 #include "proto/monitoring/process.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
+#include "proto/sandbox/sandbox.h"
 #include "proto/threads/event.h"
 #include "server/access/access_control.h"
 #include "server/access/audit_log.h"
@@ -66,6 +67,8 @@ namespace {
 constexpr absl::Duration kGrace = absl::Milliseconds(100);
 /// Time between two looks for streams that have stalled.
 constexpr absl::Duration kStallInterval = absl::Seconds(1);
+/// One in: the rest of the memory is for the coordinator and for files that are read again.
+constexpr uint64_t kFinishMemoryPart = 2;
 constexpr size_t kPageKeyBytes = 32;
 
 ServerOptions WithEvents(ServerOptions options, const std::shared_ptr<logging::JobLabels>& labels,
@@ -145,7 +148,6 @@ class ServerImpl final : public Server {
 
   ChildProcessOptions ChildOptions() const {
     return {.store = options_.data.store,
-            .threads = options_.filter.threads,
             .memory_limit_bytes = options_.filter.memory_limit_bytes,
             .time_limit = options_.filter.time_limit};
   }
@@ -260,9 +262,8 @@ absl::Status ServerImpl::OpenCoordinator() {
   assets_.store = std::make_unique<AssetStore>(folder_.AssetsPath(), folder_.IncomingPath(), options_.log,
                                                options_.data.files, limits);
   assets_.checks = std::make_unique<AssetChecks>(assets_.store.get());
-  finisher_ = options_.filter.in_child_process
-                  ? MakeChildProcessFinisher(folder_, ChildOptions())
-                  : MakeInProcessFinisher(folder_, store_.get(), options_.filter.threads, options_.now);
+  finisher_ = options_.filter.in_child_process ? MakeChildProcessFinisher(folder_, ChildOptions())
+                                               : MakeInProcessFinisher(folder_, store_.get(), options_.now);
   StorageOptions storage = options_.data.storage;
   storage.max_open_logs = MaxOpenLogs();
   if (IsMember()) storage.reserve_bytes = 0;  // their ledger is not on the disk of their folder
@@ -270,6 +271,10 @@ absl::Status ServerImpl::OpenCoordinator() {
       {.workers = {.lease = options_.lease,
                    .heartbeat = options_.heartbeat,
                    .only_one = options_.only_one_worker},
+       .finishing = {.processes = options_.filter.processes,
+                     .threads = options_.filter.threads,
+                     .memory_bytes = sandbox::UsableMemoryBytes() / kFinishMemoryPart,
+                     .frame_memory_bytes = options_.filter.memory_limit_bytes},
        .now = options_.now,
        .wall_now = options_.wall_now,
        .random = options_.random,
@@ -294,7 +299,7 @@ absl::Status ServerImpl::OpenCoordinator() {
 void ServerImpl::OpenPreviews() {
   const auto make = [this](const job::JobId& job, int32_t frame, const PreviewRequest& request) {
     return options_.filter.in_child_process
-               ? RunMakePreview(&previews_.process, folder_, job, frame, request)
+               ? RunMakePreview(&previews_.process, folder_, options_.filter.threads, job, frame, request)
                : MakePreview(folder_, *store_, job, frame, request, /*pool=*/nullptr);
   };
   previews_.maker = std::make_unique<PreviewMaker>(

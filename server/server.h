@@ -63,8 +63,10 @@ struct FarmOptions {
 };
 
 struct FilterOptions {
-  /// At least 1.
+  /// At least 1; frames that are finished at a time share them.
   int threads = 1;
+  /// Frames that are finished at a time; 0: as FinishOptions says.
+  int processes = 1;
   /// Filter in a child process of this program, whose main must call RunFinishFrameProcess.
   bool in_child_process = false;
   /// Limit of the child's address space in bytes; 0 for none.

@@ -111,6 +111,7 @@ struct Flags {
   std::string name = DefaultName();
   lumifold::logging::LogOptions log = {.name = "worker"};
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  std::string finish = "auto";
   int niceness = 10;
   std::vector<std::string> tags;
   double drain_seconds = 30;
@@ -130,6 +131,11 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--threads", flags->threads,
                   "Number of units rendered at the same time (default: one for each core)")
       ->check(CLI::Range(1, 1024));
+  app->add_option("--finish", flags->finish,
+                  "Whether it also assembles and filters frames for which the coordinator has no place: auto "
+                  "or never")
+      ->check(CLI::IsMember({"auto", "never"}))
+      ->capture_default_str();
   app->add_option(
          "--nice", flags->niceness,
          "Niceness at least: the worker yields to other programs of its machine, and to a coordinator, "
@@ -341,6 +347,13 @@ int ExitCodeOf(const absl::Status& status, spdlog::logger& log) {
   return Fail(status);
 }
 
+/// Half of its memory: the rest is for scenes.
+uint64_t MemoryForFrames(const Flags& flags) {
+  const uint64_t usable = sandbox::UsableMemoryBytes();
+  const uint64_t limit = flags.sandbox.memory_mb.value_or(0) << 20;
+  return (limit == 0 ? usable : std::min(usable, limit)) / 2;
+}
+
 int RunWorkerProcess(const Flags& flags) {
   if (flags.log.format == "json") setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);  // its lines are no JSON
   const absl::Time start = lumifold::rpc::MonotonicNow();
@@ -376,6 +389,8 @@ int RunWorkerProcess(const Flags& flags) {
       .name = flags.name,
       .threads = flags.threads,
       .tags = flags.tags,
+      .finishes = flags.finish == "auto" ? flags.threads : 0,
+      .finish_memory_bytes = MemoryForFrames(flags),
       .log = worker_log,
       .asset_folder = has_cache.ok() ? flags.asset_cache.folder : "",
       .asset_folder_bytes = flags.asset_cache.gb << 30,

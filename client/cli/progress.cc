@@ -38,6 +38,7 @@ std::string Details(const ProgressState& state, std::optional<double> per_second
     if (state.total > state.done) append(absl::StrCat(DurationText(absl::Seconds(left)), " left"));
   }
   if (state.workers > 0) append(absl::StrCat(state.workers, state.workers == 1 ? " worker" : " workers"));
+  if (!state.note.empty()) append(state.note);
   return text;
 }
 

@@ -27,6 +27,8 @@ struct ProgressState {
   ProgressUnit unit = ProgressUnit::kSamples;
   /// Shown if above 0.
   int workers = 0;
+  /// Shown after these.
+  std::string note = {};
   /// Shown below it, a line for each.
   std::vector<std::string> lines = {};
 };

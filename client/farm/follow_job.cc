@@ -14,6 +14,7 @@ ProgressState ProgressOf(const v1::JobStatus& job) {
   ProgressState state;
   state.stage = std::string(StateName(job.state()));
   state.workers = job.workers();
+  if (job.frames_total() > 1) state.note = FilteringText(job);
   if (job.state() != v1::JOB_STATE_RUNNING) return state;
   if (const double time = job.adaptive().time_seconds(); time > 0) {
     state.unit = ProgressUnit::kTime;

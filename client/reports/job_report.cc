@@ -85,6 +85,13 @@ std::string StageTimesText(const v1::StageTimes& times) {
                          times.write_seconds());
 }
 
+std::string FilteringText(const v1::JobStatus& status) {
+  if (status.frames_filtering() + status.frames_waiting() == 0) return "";
+  const std::string waiting =
+      status.frames_waiting() == 0 ? "" : absl::StrCat(", ", status.frames_waiting(), " waiting");
+  return absl::StrCat(status.frames_filtering(), " in the filter", waiting);
+}
+
 std::string JobJson(const v1::JobStatus& status,
                     const std::vector<std::pair<std::string, std::string>>& more) {
   nlohmann::ordered_json json;
@@ -100,6 +107,8 @@ std::string JobJson(const v1::JobStatus& status,
   json["units_total"] = status.units_total();
   json["frames_done"] = status.frames_done();
   json["frames_total"] = status.frames_total();
+  if (status.frames_filtering() > 0) json["frames_filtering"] = status.frames_filtering();
+  if (status.frames_waiting() > 0) json["frames_waiting"] = status.frames_waiting();
   json["samples_done"] = status.samples_done();
   json["samples_total"] = status.samples_total();
   json["bad_samples"] = status.bad_samples();
@@ -143,7 +152,9 @@ std::string JobText(const v1::JobStatus& status) {
   if (!scheduling.trace_id().empty()) line("trace", scheduling.trace_id());
   line("workers", status.workers());
   line("units", status.units_done(), " of ", status.units_total());
-  line("frames", status.frames_done(), " of ", status.frames_total());
+  const std::string filtering = FilteringText(status);
+  line("frames", status.frames_done(), " of ", status.frames_total(), filtering.empty() ? "" : ", ",
+       filtering);
   line("samples", status.samples_done(), " of ", status.samples_total());
   if (status.bad_samples() > 0) line("bad samples", status.bad_samples());
   if (status.has_estimated_error()) line("estimated error", ErrorText(status));

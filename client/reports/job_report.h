@@ -25,6 +25,9 @@ bool HasEnded(const v1::JobStatus& status);
 /// Exit code for the state of a job: kOk if it is done or has not ended.
 ExitCode ExitCodeForOutcome(const v1::JobStatus& status);
 
+/// Which of its frames are being finished: "2 in the filter, 4 waiting"; empty if there are none.
+std::string FilteringText(const v1::JobStatus& status);
+
 /// One JSON object in one line, without the newline. docs/cli.md documents its fields; their meaning never
 /// changes. `more` is appended as text fields. Bytes that are not UTF-8 are replaced.
 std::string JobJson(const v1::JobStatus& status,

@@ -229,15 +229,18 @@ absl::StatusOr<SandboxReport> EnterSandbox(const SandboxOptions& options) {
   return report;
 }
 
-uint64_t DefaultMemoryBytes(int threads, const std::string& control_groups) {
+uint64_t UsableMemoryBytes(const std::string& control_groups) {
   const auto pages = static_cast<uint64_t>(std::max(0L, sysconf(_SC_PHYS_PAGES)));
   const uint64_t machine = pages * static_cast<uint64_t>(sysconf(_SC_PAGESIZE));
-  const uint64_t usable = std::min(machine, MemoryOfControlGroup(control_groups).value_or(machine));
+  return std::min(machine, MemoryOfControlGroup(control_groups).value_or(machine));
+}
+
+uint64_t DefaultMemoryBytes(int threads, const std::string& control_groups) {
   // Stack and heap of a thread in glibc are 8 and 64 MiB of addresses, twice the heap while it is aligned.
   // gRPC, TBB and the log have threads of their own.
   constexpr uint64_t kPerThread = uint64_t{160} << 20;
   constexpr uint64_t kOtherThreads = 32;
-  return usable + (static_cast<uint64_t>(threads) + kOtherThreads) * kPerThread;
+  return UsableMemoryBytes(control_groups) + (static_cast<uint64_t>(threads) + kOtherThreads) * kPerThread;
 }
 
 absl::Status YieldToOthers(int niceness) {

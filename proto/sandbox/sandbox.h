@@ -48,9 +48,11 @@ struct SandboxReport {
 /// naming the step. After an error the process may be partly sandboxed: end it.
 absl::StatusOr<SandboxReport> EnterSandbox(const SandboxOptions& options);
 
-/// Address space for a renderer with so many threads: the memory of this machine or of its control group,
-/// whichever is less, and what threads reserve without using it. A scene that needs more fails to load,
-/// instead of making the machine swap.
+/// Memory of this machine or of its control group, whichever is less.
+uint64_t UsableMemoryBytes(const std::string& control_groups = "/sys/fs/cgroup");
+
+/// Address space for a renderer with so many threads: the usable memory, and what threads reserve without
+/// using it. A scene that needs more fails to load, instead of making the machine swap.
 uint64_t DefaultMemoryBytes(int threads, const std::string& control_groups = "/sys/fs/cgroup");
 
 /// Raises the niceness of this process to `niceness`, where it is lower. For threads that start later, and

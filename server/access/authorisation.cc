@@ -59,8 +59,10 @@ constexpr std::array kRules = {
     Rule{"/lumifold.v1.FarmService/SubmitJob", kOwners, kChanges},
     Rule{"/lumifold.v1.FarmService/UploadAsset", kSubmitters, kChanges, kCheckedByService},
     Rule{"/lumifold.v1.FarmService/WatchJob", kReadersOfJobs},
+    Rule{"/lumifold.v1.WorkerService/DeliverResult", kWorkers, kChanges, kCheckedByService},
     Rule{"/lumifold.v1.WorkerService/FetchAsset", kWorkers},
     Rule{"/lumifold.v1.WorkerService/FetchSpec", kWorkers},
+    Rule{"/lumifold.v1.WorkerService/FetchUnits", kWorkers},
     Rule{"/lumifold.v1.WorkerService/Work", kWorkers, kChanges, kCheckedByService},
 };
 

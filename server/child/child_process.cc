@@ -43,32 +43,30 @@ absl::StatusOr<std::unique_ptr<Child>> Start(std::vector<std::string> words, con
 
 }  // namespace
 
-absl::StatusOr<std::string> ChildProcess::Run(const std::string& command, const std::string& root,
-                                              const std::vector<std::string>& arguments,
-                                              const job::JobId& job, const std::string& task) {
-  std::vector<std::string> words = {options_.program, command, root, absl::StrCat(options_.threads),
+absl::StatusOr<std::string> ChildProcess::Run(const ChildWork& work) {
+  std::vector<std::string> words = {options_.program, work.command, work.root, absl::StrCat(work.threads),
                                     absl::StrCat(options_.memory_limit_bytes)};
-  words.insert(words.end(), arguments.begin(), arguments.end());
+  words.insert(words.end(), work.arguments.begin(), work.arguments.end());
   absl::StatusOr<std::unique_ptr<Child>> child;
+  std::list<Running>::iterator running;
   {
     absl::MutexLock lock(&mutex_);
     if (cancelled_) return absl::CancelledError("the coordinator is stopping");
     child = Start(std::move(words), options_.store);
     if (!child.ok()) return child.status();
-    running_ = child->get();
-    job_ = job;
-    job_cancelled_ = false;
+    running = running_.insert(running_.end(), {.job = work.job, .child = child->get()});
   }
   subprocess::Output output;
   const bool is_in_time = (*child)->ReadOutput(rpc::MonotonicNow() + options_.time_limit, kAnyBytes, &output);
   if (!is_in_time) (*child)->Kill();
   const absl::StatusOr<subprocess::ExitStatus> exit = (*child)->Wait();
   absl::MutexLock lock(&mutex_);
-  running_ = nullptr;
+  const bool is_cancelled = running->is_cancelled;
+  running_.erase(running);
   if (cancelled_) return absl::CancelledError("the coordinator is stopping");
-  if (job_cancelled_) return absl::CancelledError("the job has ended");
+  if (is_cancelled) return absl::CancelledError("the job has ended");
   if (!is_in_time) {
-    return absl::DeadlineExceededError(absl::StrCat("the filter process of ", task, " ran longer than ",
+    return absl::DeadlineExceededError(absl::StrCat("the filter process of ", work.task, " ran longer than ",
                                                     absl::FormatDuration(options_.time_limit)));
   }
   if (!exit.ok()) return exit.status();
@@ -77,15 +75,17 @@ absl::StatusOr<std::string> ChildProcess::Run(const std::string& command, const 
 
 void ChildProcess::CancelJob(const job::JobId& job) {
   absl::MutexLock lock(&mutex_);
-  if (running_ == nullptr || job_ != job) return;
-  job_cancelled_ = true;
-  running_->Kill();
+  for (Running& running : running_) {
+    if (running.job != job) continue;
+    running.is_cancelled = true;
+    running.child->Kill();
+  }
 }
 
 void ChildProcess::Cancel() {
   absl::MutexLock lock(&mutex_);
   cancelled_ = true;
-  if (running_ != nullptr) running_->Kill();
+  for (const Running& running : running_) running.child->Kill();
 }
 
 }  // namespace lumifold::server

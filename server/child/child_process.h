@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <list>
 #include <string>
 #include <utility>
 #include <vector>
@@ -19,40 +20,52 @@ struct ChildProcessOptions {
   std::string program = "/proc/self/exe";
   /// Name of the ledger's store, see ledger::OpenJobStore; the child gets it in its environment.
   std::string store = {};
-  int threads = 1;
   /// Limit of the child's address space in bytes; 0 for none.
   uint64_t memory_limit_bytes = 0;
   /// A child that runs longer is killed.
   absl::Duration time_limit = absl::InfiniteDuration();
 };
 
-/// Runs the program for one task in a child process, so that the coordinator survives a child that runs out
-/// of memory or crashes. The child's side is in child_task.h.
-/// Threads: Run from one thread at a time, so that at most one child runs; the others from any.
+/// What a child is to do.
+struct ChildWork {
+  /// First argument; the data folder, `threads` and the limit of memory follow, then `arguments`.
+  std::string command;
+  std::string root;
+  int threads = 1;
+  std::vector<std::string> arguments;
+  job::JobId job;
+  /// For errors.
+  std::string task;
+};
+
+/// Runs the program for a task in a child process, so that the coordinator survives a child that runs out of
+/// memory or crashes. The child's side is in child_task.h.
+/// Threads: safe; as many children run as threads call Run.
 class ChildProcess {
  public:
   explicit ChildProcess(ChildProcessOptions options) : options_(std::move(options)) {}
 
-  /// Starts the program with `command`, a data folder, the threads, the limit of memory and `arguments`, and
-  /// returns the child's answer; blocks. `task`: for errors.
+  /// Starts the program and returns the child's answer; blocks.
   /// Errors: those that the child answers; kInternal naming the signal that ended it; kDeadlineExceeded after
   /// the time limit; kCancelled after Cancel, and after CancelJob of this job while it runs; kUnavailable
   /// where the machine has no process, descriptor or memory left.
-  absl::StatusOr<std::string> Run(const std::string& command, const std::string& root,
-                                  const std::vector<std::string>& arguments, const job::JobId& job,
-                                  const std::string& task);
-  /// Makes a running Run of this job return as soon as possible. No effect on later calls.
+  absl::StatusOr<std::string> Run(const ChildWork& work);
+  /// Makes every running Run of this job return as soon as possible. No effect on later calls.
   void CancelJob(const job::JobId& job);
-  /// Makes a running Run return as soon as possible, and every later call at once.
+  /// Makes every running Run return as soon as possible, and every later call at once.
   void Cancel();
 
  private:
+  struct Running {
+    job::JobId job;
+    subprocess::Child* child = nullptr;
+    bool is_cancelled = false;
+  };
+
   const ChildProcessOptions options_;
   absl::Mutex mutex_;
   bool cancelled_ ABSL_GUARDED_BY(mutex_) = false;
-  job::JobId job_ ABSL_GUARDED_BY(mutex_);  // of the child that runs
-  bool job_cancelled_ ABSL_GUARDED_BY(mutex_) = false;
-  subprocess::Child* running_ ABSL_GUARDED_BY(mutex_) = nullptr;
+  std::list<Running> running_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace lumifold::server

@@ -51,6 +51,18 @@ int64_t CommittedUnits::count() const {
                        [](const Entry& entry) { return entry.place.length > 0; });
 }
 
+uint64_t CommittedUnits::record_bytes() const {
+  uint64_t bytes = 0;
+  for (const Entry& entry : entries_) bytes += entry.place.length;
+  return bytes;
+}
+
+absl::StatusOr<std::string> CommittedUnits::RecordBytes(int64_t number) const {
+  const Entry& entry = entries_[static_cast<size_t>(number)];
+  if (entry.place.length == 0) return "";
+  return logs_[entry.log].reader.ReadBytes(entry.place);
+}
+
 absl::StatusOr<CommittedUnits::Entry> CommittedUnits::Find(const UnitKey& key) const {
   const Entry& entry = entries_[NumberOf(key)];
   if (entry.place.length == 0)

@@ -25,6 +25,13 @@ class CommittedUnits final : public film::UnitSource {
   bool Has(const job::UnitKey& key) const { return entries_[NumberOf(key)].place.length > 0; }
   /// Of the frame's units.
   int64_t count() const;
+  /// Bytes of all their records.
+  uint64_t record_bytes() const;
+  /// Units of the frame, committed or not.
+  int64_t places() const { return static_cast<int64_t>(entries_.size()); }
+  /// The record of the unit with this number, as it lies in the log; empty if it is not committed.
+  /// Errors: those of UnitLogReader::ReadBytes.
+  absl::StatusOr<std::string> RecordBytes(int64_t number) const;
 
   /// Errors of both: kDataLoss for a unit that is not committed, or for a record of another unit; those of
   /// UnitLogReader.

@@ -80,7 +80,9 @@ Coordinator::Coordinator(const CoordinatorOptions& options, const DataFolder& fo
           std::make_unique<Submission>(&resources_, state_.get(), cleanup_.get(), &loader_->prerequisites())),
       operators_(
           std::make_unique<OperatorCalls>(&resources_, state_.get(), committer_.get(), queries_.get())),
-      workers_(std::make_unique<WorkerCalls>(&resources_, state_.get(), committer_.get())),
+      finishing_(std::make_unique<FrameFinishing>(&resources_, state_.get(), committer_.get(), cleanup_.get(),
+                                                  &records_->finishing())),
+      workers_(std::make_unique<WorkerCalls>(&resources_, state_.get(), committer_.get(), finishing_.get())),
       changes_(std::make_unique<JobChanges>(&resources_, state_.get(),
                                             JobChanges::Parts{.committer = committer_.get(),
                                                               .cleanup = cleanup_.get(),
@@ -91,8 +93,6 @@ Coordinator::Coordinator(const CoordinatorOptions& options, const DataFolder& fo
                                                            .submission = submission_.get(),
                                                            .operators = operators_.get(),
                                                            .stop_leasing = [this] { StopLeasing(); }})),
-      finishing_(std::make_unique<FrameFinishing>(&resources_, state_.get(), committer_.get(), cleanup_.get(),
-                                                  &records_->finishing())),
       housekeeping_(std::make_unique<Housekeeping>(&resources_, state_.get(), cleanup_.get(),
                                                    &records_->housekeeping())) {
   records_->Connect(state_.get(), committer_.get());

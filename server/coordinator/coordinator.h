@@ -90,10 +90,10 @@ class Coordinator {
   std::unique_ptr<JobQueries> queries_;
   std::unique_ptr<Submission> submission_;
   std::unique_ptr<OperatorCalls> operators_;
+  std::unique_ptr<FrameFinishing> finishing_;
   std::unique_ptr<WorkerCalls> workers_;
   std::unique_ptr<JobChanges> changes_;
   std::unique_ptr<Takeover> takeover_;
-  std::unique_ptr<FrameFinishing> finishing_;
   std::unique_ptr<Housekeeping> housekeeping_;
 };
 

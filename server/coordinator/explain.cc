@@ -26,14 +26,33 @@ std::string TextOf(const std::vector<JobId>& waits_for) {
   return text;
 }
 
+/// Adds which frames of the job are being filtered.
+void ExplainRunning(const Farm& farm, const JobId& job, absl::Time now, v1::ExplainJobResponse* response) {
+  for (const RunningFrame& frame : farm.frames.running()) {
+    if (frame.due.job != job) continue;
+    if (frame.worker.has_value()) {
+      AddReason("filter_worker",
+                absl::StrCat("frame ", frame.due.number, " has been with worker ",
+                             farm.workers.NameOf(*frame.worker), " for ",
+                             absl::ToInt64Seconds(now - frame.since), " s, which filters it"),
+                response);
+      continue;
+    }
+    AddReason("filter_running",
+              absl::StrCat("frame ", frame.due.number, " has been in the filter for ",
+                           absl::ToInt64Seconds(now - frame.since), " s, on ", frame.threads,
+                           frame.threads == 1 ? " thread" : " threads"),
+              response);
+  }
+}
+
 /// Adds why frames of the job that are rendered have no result yet.
 void ExplainFinishing(const FrameQueue& frames, const JobId& job, absl::Time now,
                       v1::ExplainJobResponse* response) {
-  int64_t due = 0;
+  const auto due = std::count_if(frames.waiting().begin(), frames.waiting().end(),
+                                 [now](const DueFrame& frame) { return frame.not_before <= now; });
   bool is_first = true;
   for (const DueFrame& frame : frames.waiting()) {
-    const int64_t due_before = due;
-    if (frame.not_before <= now) ++due;
     if (frame.job != job) continue;
     if (frame.not_before > now && frame.failures > 0) {
       AddReason(
@@ -44,8 +63,8 @@ void ExplainFinishing(const FrameQueue& frames, const JobId& job, absl::Time now
           response);
     } else if (is_first) {
       AddReason("filter_queue",
-                absl::StrCat("frame ", frame.number, " waits for the filter, ", due_before,
-                             " frames of this and other jobs before it"),
+                absl::StrCat("frame ", frame.number, " waits for the filter, which has ", frames.CountHere(),
+                             " frames of this and other jobs; ", due, " wait"),
                 response);
       is_first = false;
     }
@@ -79,6 +98,7 @@ void ExplainWaiting(const Farm& farm, const JobId& job, absl::Time now, v1::Expl
   for (const scheduler::Reason& reason : farm.scheduler.Explain(job, now)) {
     if (reason.code != "paused" || is_paused) AddReason(reason.code, reason.text, response);
   }
+  ExplainRunning(farm, job, now, response);
   ExplainFinishing(farm.frames, job, now, response);
 }
 

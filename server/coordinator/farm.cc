@@ -8,9 +8,11 @@
 #include "proto/logging/fields.h"
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
+#include "proto/sandbox/sandbox.h"
 #include "server/coordinator/job_status.h"
 #include "server/job/frame_list.h"
 #include "server/job/job_state.h"
+#include "server/picture/make_picture.h"
 
 namespace lumifold::server {
 
@@ -23,16 +25,18 @@ Farm::Farm(const Resources* resources, FarmEffects* effects)
                                                       ? 1
                                                       : scheduler::DisputeOptions().deciding_parties},
                  .first_attempt = ledger::FirstAttempt(resources->owner.epoch)}),
-      frames(resources->options.finish_pause),
+      frames(resources->options.finishing),
+      finish_leases(resources->options.workers.lease),
       frame_limit({.open_logs = resources->options.storage.max_open_logs,
                    .free_disk_bytes = resources->folder.FreeBytes().value_or(0),
-                   .memory_bytes = MemoryBytes()}),
+                   .memory_bytes = sandbox::UsableMemoryBytes()}),
       resources_(resources),
       effects_(effects) {}
 
 void Farm::StartJob(ledger::JobRecord record, const std::vector<Prerequisite>& after) {
   const JobId id = record.id;
   scheduler.jobs().Add(id, record.spec, scheduler::OptionsOf(record.scheduling));
+  frames.AddJob(id, record.scheduling);
   resources_->log().info("event=job_submitted job={} scene={} size={}x{} spp={} frames={}", id.value(),
                          logging::Quoted(record.spec.scene().display_name()), record.spec.width(),
                          record.spec.height(), record.spec.samples_per_pixel(),
@@ -52,6 +56,7 @@ void Farm::EnterJob(const LoadedJob& loaded) {
   if (!planned_class.empty()) options.numeric_class = planned_class;
   if (!loaded.record.numeric_class.empty()) options.numeric_class = loaded.record.numeric_class;
   scheduler.jobs().Add(id, loaded.record.spec, options);
+  frames.AddJob(id, loaded.record.scheduling);
   LimitFramesFor(id);
   for (const int32_t frame : loaded.finished) scheduler.frames().RestoreFinished(id, frame);
   for (const auto& [frame, rounds] : loaded.rounds) {
@@ -104,6 +109,8 @@ void Farm::SuspendJob(const JobId& job, v1::JobStatus shown) {
   if (jobs.FindActive(job) != nullptr) {
     shown = StatusOf(job).value_or(shown);
     shown.set_workers(0);
+    shown.clear_frames_filtering();
+    shown.clear_frames_waiting();
     jobs.TakeActive(job);
     dependencies.Remove(job);
     StopRendering(job);
@@ -114,6 +121,11 @@ void Farm::SuspendJob(const JobId& job, v1::JobStatus shown) {
 void Farm::StopRendering(const JobId& job) {
   scheduler.jobs().End(job);
   frames.ForgetJob(job);
+  // JobEnded says so. A result that is being recorded ends by itself.
+  for (const job::Attempt attempt : finish_leases.OfJob(job)) {
+    if (!finish_leases.IsDelivered(attempt))
+      frames.End(finish_leases.End(attempt).frame, resources_->options.now());
+  }
   effects_->CancelFinishing(job);
   workers.SendJobEnded(job);
 }
@@ -169,6 +181,8 @@ std::optional<v1::JobStatus> Farm::StatusOf(const JobId& job) const {
     v1::JobStatus status =
         StatusOfActiveJob(active->record, scheduler.jobs().Progress(job), dependencies.IsWaiting(job));
     status.set_coordinator(address);
+    status.set_frames_filtering(frames.CountRunning(job));
+    status.set_frames_waiting(frames.CountWaiting(job));
     if (active->predicted_error.has_value() && !status.has_estimated_error())
       status.set_estimated_error(*active->predicted_error);
     return status;
@@ -207,8 +221,13 @@ void Farm::QueueDue(const FrameKey& key) {
     frame.round = rounds->estimated();
     if (!IsDue(frame)) return;
   }
-  if (const ActiveJob* const active = jobs.FindActive(frame.job); active != nullptr)
+  if (const ActiveJob* const active = jobs.FindActive(frame.job); active != nullptr) {
     frame.rendered = absl::Seconds(active->record.times.render_seconds());
+    frame.memory_bytes = PictureMemoryOf(active->record.spec);
+    // An audit compares units. What a worker makes of them is only its word: such jobs are finished here.
+    frame.may_travel = frame.round == DueFrame::kResult && !active->record.spec.has_adaptive() &&
+                       IsOneBlock(active->record.spec) && active->record.scheduling.audit_share() == 0;
+  }
   frame.samples = scheduler.jobs().Progress(frame.job).samples_done;
   frames.Push(std::move(frame));
 }

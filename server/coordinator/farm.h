@@ -4,11 +4,13 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/time/time.h"
 #include "server/commit/accepted_unit.h"
 #include "server/commit/open_logs.h"
+#include "server/coordinator/finish_leases.h"
 #include "server/coordinator/frame_limit.h"
 #include "server/coordinator/frame_queue.h"
 #include "server/coordinator/job_table.h"
@@ -88,6 +90,10 @@ class Farm {
   bool IsDue(const DueFrame& frame) const;
   /// Queues what is due for a frame: its result, or the estimate of a round.
   void QueueDue(const FrameKey& frame);
+  /// Takes the next frame that may be finished now, by this coordinator or by a worker, which is told so.
+  std::optional<RunningFrame> BeginFrame(absl::Time now);
+  /// Ends leases to finish frames, which come back; their workers are told.
+  void TakeFramesBack(const std::vector<job::Attempt>& leases, std::string_view reason);
   /// Bounds the frames in flight by what the machine has and all jobs demand, of which one may be new.
   void LimitFrames(uint64_t free_disk_bytes);
   void LimitFramesFor(const job::JobId& job);
@@ -109,6 +115,7 @@ class Farm {
   job::Dependencies dependencies;
   WorkerTable workers;
   FrameQueue frames;
+  FinishLeases finish_leases;
   FrameLimit frame_limit;
   Watchers watchers;
   Totals totals;
@@ -121,6 +128,7 @@ class Farm {
   void StopRendering(const job::JobId& job);
   void FollowAudits();
   void SendRevoked();
+  void SendFrame(const RunningFrame& frame);
   void SendGrants(const std::vector<scheduler::GrantedLease>& leases);
 
   const Resources* const resources_;

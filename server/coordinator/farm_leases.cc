@@ -2,6 +2,7 @@
 #include <spdlog/logger.h>
 
 #include <map>
+#include <optional>
 #include <string_view>
 #include <utility>
 
@@ -137,6 +138,66 @@ void Farm::SendGrants(const std::vector<scheduler::GrantedLease>& leases) {
     watchers.MarkChanged(job);
   }
   send();
+}
+
+std::optional<RunningFrame> Farm::BeginFrame(absl::Time now) {
+  const auto state_of = [this](WorkerId worker) {
+    const std::optional<scheduler::WorkerInfo> info = scheduler.workers().Describe(worker);
+    return info.has_value() ? info->state : v1::WORKER_STATE_UNSPECIFIED;
+  };
+  const auto is_blocked = [&](WorkerId worker) { return state_of(worker) == v1::WORKER_STATE_BLOCKED; };
+  const auto is_available = [&](WorkerId worker) {
+    const v1::WorkerState state = state_of(worker);
+    return state == v1::WORKER_STATE_IDLE || state == v1::WORKER_STATE_BUSY;
+  };
+  TakeFramesBack(finish_leases.Expired(now, is_blocked), "expired");
+  const auto find_worker = [&](const DueFrame& due) -> std::optional<WorkerId> {
+    if (!scheduler.jobs().Has(due.job)) return std::nullopt;
+    return finish_leases.FindPlace(scheduler.jobs().NumericClassOf(due.job), due.memory_bytes, is_available);
+  };
+  while (true) {
+    std::optional<RunningFrame> frame = frames.Begin(now);
+    if (!frame.has_value() && is_leasing()) frame = frames.BeginAway(now, find_worker);
+    if (!frame.has_value()) return std::nullopt;
+    if (jobs.FindActive(frame->due.job) != nullptr && IsDue(frame->due)) {
+      if (frame->worker.has_value()) SendFrame(*frame);
+      watchers.MarkChanged(frame->due.job);
+      return frame;
+    }
+    frames.End(frame->due.key(), now);
+  }
+}
+
+void Farm::SendFrame(const RunningFrame& frame) {
+  const DueFrame& due = frame.due;
+  const WorkerId worker = *frame.worker;
+  const job::Attempt attempt = scheduler.NextAttempt();
+  finish_leases.Grant(attempt, {.frame = due.key(), .worker = worker, .memory_bytes = due.memory_bytes},
+                      frame.since);
+  workers.Find(worker)->known_jobs.insert(due.job);
+  v1::CoordinatorMessage message;
+  v1::Lease* const lease = message.mutable_grant()->add_leases();
+  *lease->mutable_unit() = job::ProtoFromUnit({due.job, {due.number, 0, 0, v1::UNIT_KIND_RESULT}});
+  lease->set_attempt(attempt.value());
+  message.mutable_grant()->set_trace_id(jobs.FindActive(due.job)->record.scheduling.trace_id());
+  workers.Send(worker, message);
+  resources_->log().info("event=frame_leased job={} frame={} worker={} attempt={}", due.job.value(),
+                         due.number, workers.NameOf(worker), attempt.value());
+}
+
+void Farm::TakeFramesBack(const std::vector<job::Attempt>& leases, std::string_view reason) {
+  for (const job::Attempt attempt : leases) {
+    const FinishLease lease = finish_leases.End(attempt);
+    const auto& [job, number] = lease.frame;
+    frames.ComeBack(lease.frame, resources_->options.now());
+    v1::CoordinatorMessage message;
+    v1::Lease* const ended = message.mutable_void_leases()->add_leases();
+    *ended->mutable_unit() = job::ProtoFromUnit({job, {number, 0, 0, v1::UNIT_KIND_RESULT}});
+    ended->set_attempt(attempt.value());
+    workers.Send(lease.worker, message);
+    resources_->log().warn("event=frame_came_back job={} frame={} worker={} reason={}", job.value(), number,
+                           workers.NameOf(lease.worker), logging::Quoted(std::string(reason)));
+  }
 }
 
 void Farm::MoveWorker(WorkerId worker, const std::string& to, bool at_once) {

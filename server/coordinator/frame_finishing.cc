@@ -3,6 +3,7 @@
 #include <spdlog/logger.h>
 
 #include <algorithm>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <utility>
@@ -37,42 +38,59 @@ void FrameFinishing::Join() {
 }
 
 void FrameFinishing::Run() {
-  while (const std::optional<DueFrame> frame = Next()) {
-    FrameFinisher* const finisher = resources_->finisher;
-    const absl::StatusOr<v1::FrameReport> report =
-        frame->round == DueFrame::kResult
-            ? finisher->Finish(resources_->Owned(frame->job), frame->number)
-            : finisher->Estimate({frame->job, resources_->owner.epoch, frame->number, frame->round,
-                                  frame->rendered, frame->samples});
-    // Aborted: another coordinator has taken the job over, and finishes the frame.
-    const bool is_dropped = absl::IsCancelled(report.status()) || absl::IsAborted(report.status());
-    if (!is_dropped) OnFinished(*frame, report);
-    FarmState::Change(state_)->frames.End();
+  while (const std::optional<RunningFrame> frame = Next()) {
+    Running& running = running_.emplace_back();
+    running.thread = std::thread([this, frame = *frame, &running] {
+      FinishFrame(frame);
+      running.has_ended.Notify();
+    });
+  }
+  for (Running& running : running_) running.thread.join();
+}
+
+void FrameFinishing::FinishFrame(const RunningFrame& frame) {
+  FrameFinisher* const finisher = resources_->finisher;
+  const DueFrame& due = frame.due;
+  const absl::StatusOr<v1::FrameReport> report =
+      due.round == DueFrame::kResult ? finisher->Finish(resources_->Owned(due.job), due.number, frame.threads)
+                                     : finisher->Estimate({due.job, resources_->owner.epoch, due.number,
+                                                           due.round, due.rendered, due.samples},
+                                                          frame.threads);
+  // Aborted: another coordinator has taken the job over, and finishes the frame.
+  const bool is_dropped = absl::IsCancelled(report.status()) || absl::IsAborted(report.status());
+  if (!is_dropped) OnFinished(due, report);
+  FarmState::Change(state_)->frames.End(due.key(), resources_->options.now());
+}
+
+void FrameFinishing::JoinEnded() {
+  for (auto running = running_.begin(); running != running_.end();) {
+    const bool has_ended = running->has_ended.HasBeenNotified();
+    if (has_ended) running->thread.join();
+    running = has_ended ? running_.erase(running) : std::next(running);
   }
 }
 
-std::optional<DueFrame> FrameFinishing::Next() {
+std::optional<RunningFrame> FrameFinishing::Next() {
   while (true) {
+    JoinEnded();
     absl::Duration pause = kIdleInterval;
-    std::optional<DueFrame> frame = TakeDue(&pause);
+    std::optional<RunningFrame> frame = Begin(&pause);
     if (frame.has_value()) return frame;
     if (FarmState::View(state_)->is_stopping()) return std::nullopt;
     wake_up_->Consume(pause);
   }
 }
 
-std::optional<DueFrame> FrameFinishing::TakeDue(absl::Duration* pause) {
+std::optional<RunningFrame> FrameFinishing::Begin(absl::Duration* pause) {
   const absl::Time now = resources_->options.now();
   FarmState::Change farm(state_);
   if (farm->is_stopping()) return std::nullopt;
   if (resources_->storage.ok()) {
-    while (std::optional<DueFrame> frame = farm->frames.TakeDue(now)) {
-      if (farm->jobs.FindActive(frame->job) == nullptr || !farm->IsDue(*frame)) continue;
-      farm->frames.Begin(frame->key());
-      return frame;
+    while (std::optional<RunningFrame> frame = farm->BeginFrame(now)) {
+      if (!frame->worker.has_value()) return frame;
     }
   }
-  // Of frames that are due already, only the storage is waited for: its return wakes this thread.
+  // Of frames that are due already, only room and the storage are waited for: both wake this thread.
   *pause = std::min(*pause, farm->frames.NextDue(now) - now);
   return std::nullopt;
 }
@@ -103,7 +121,7 @@ void FrameFinishing::OnFinished(DueFrame frame, const absl::StatusOr<v1::FrameRe
   const ActiveJob* const active = farm->jobs.FindActive(frame.job);
   if (active == nullptr) return;
   // A stale one is queued again when its units are committed again.
-  if (farm->frames.result_is_stale() || !farm->IsDue(frame)) return;
+  if (farm->frames.IsStale(frame.key()) || !farm->IsDue(frame)) return;
   if (absl::IsDataLoss(report.status()) || absl::IsNotFound(report.status()))
     return committer_->Check(frame.key(), report.status());
   if (absl::IsUnavailable(report.status())) return AwaitStorage(&*farm, std::move(frame), report.status());

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <list>
 #include <optional>
 #include <thread>
 
 #include "absl/status/statusor.h"
+#include "proto/threads/event.h"
 #include "server/commit/committer.h"
 #include "server/coordinator/cleanup.h"
 #include "server/coordinator/farm_state.h"
@@ -11,8 +13,9 @@
 
 namespace lumifold::server {
 
-/// Has frames finished and rounds estimated, one after the other, and records what comes of it.
-/// Threads: one of its own.
+/// Has frames finished and rounds estimated, as many at a time as FrameQueue says, and records what comes of
+/// it.
+/// Threads: one of its own, and one for each frame that is being finished.
 class FrameFinishing {
  public:
   /// All must outlive it. `wake_up` says that frames may be due.
@@ -21,14 +24,24 @@ class FrameFinishing {
   void Start();
   /// Once the farm is stopping and the finisher cancelled.
   void Join();
+  /// A frame is finished, here or by a worker, or that has failed; it is still running in FrameQueue.
+  void OnFinished(DueFrame frame, const absl::StatusOr<v1::FrameReport>& report);
 
  private:
+  struct Running {
+    std::thread thread;
+    threads::Event has_ended;
+  };
+
   void Run();
-  /// Waits for a frame that is due; nullopt once the coordinator is stopping.
-  std::optional<DueFrame> Next();
-  /// The first frame that is due now; nullopt, and how long there is nothing to do, if there is none.
-  std::optional<DueFrame> TakeDue(absl::Duration* pause);
-  void OnFinished(DueFrame frame, const absl::StatusOr<v1::FrameReport>& report);
+  /// Waits for a frame that may be finished; nullopt once the coordinator is stopping.
+  std::optional<RunningFrame> Next();
+  /// The next one that may be finished here now, once workers have all that are for them; nullopt, and how
+  /// long there is nothing to do, if there is none.
+  std::optional<RunningFrame> Begin(absl::Duration* pause);
+  /// Joins the threads of frames that are finished.
+  void JoinEnded();
+  void FinishFrame(const RunningFrame& frame);
   void RetryFrame(Farm* farm, DueFrame frame, const absl::Status& error);
   void AwaitStorage(Farm* farm, DueFrame frame, const absl::Status& error);
   /// Opens the rounds that the frame's record has.
@@ -40,6 +53,7 @@ class FrameFinishing {
   Committer* const committer_;
   Cleanup* const cleanup_;
   threads::Event* const wake_up_;
+  std::list<Running> running_;  // of the thread
   std::thread thread_;
 };
 

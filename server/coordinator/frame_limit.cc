@@ -1,7 +1,6 @@
 #include "server/coordinator/frame_limit.h"
 
 #include <sys/resource.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <limits>
@@ -44,10 +43,6 @@ size_t MaxOpenLogs() {
   rlimit limit = {};
   if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return 1;
   return std::clamp<size_t>(limit.rlim_cur / 4, 1, kMostOpenLogs);
-}
-
-uint64_t MemoryBytes() {
-  return static_cast<uint64_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<uint64_t>(sysconf(_SC_PAGESIZE));
 }
 
 void FrameLimit::Reset(uint64_t free_disk_bytes) {

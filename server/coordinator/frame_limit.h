@@ -62,7 +62,4 @@ class FrameLimit {
 /// are for connections, uploads, downloads and the ledger.
 size_t MaxOpenLogs();
 
-/// Physical memory of this machine in bytes.
-uint64_t MemoryBytes();
-
 }  // namespace lumifold::server

@@ -1,6 +1,7 @@
 #include "server/coordinator/frame_queue.h"
 
 #include <algorithm>
+#include <set>
 #include <utility>
 
 namespace lumifold::server {
@@ -14,9 +15,32 @@ constexpr absl::Duration kLongestPause = absl::Minutes(1);
 
 }  // namespace
 
-FrameQueue::FrameQueue(absl::Duration pause)
-    : after_failures_{.first = pause, .factor = kPauseGrowth},
-      for_storage_{.first = pause, .longest = kLongestPause, .factor = kPauseGrowth} {}
+FrameQueue::FrameQueue(const FinishOptions& options)
+    : after_failures_{.first = options.pause, .factor = kPauseGrowth},
+      for_storage_{.first = options.pause, .longest = kLongestPause, .factor = kPauseGrowth},
+      options_(options) {}
+
+void FrameQueue::AddJob(const job::JobId& job, const v1::Scheduling& scheduling) {
+  numbers_[job] = next_number_;
+  share_.AddJob(next_number_++, scheduling.user(), scheduling.priority(), scheduling.turn_ms());
+}
+
+void FrameQueue::SetPriority(const job::JobId& job, int priority) {
+  if (const auto number = numbers_.find(job); number != numbers_.end())
+    share_.SetPriority(number->second, priority);
+}
+
+void FrameQueue::SetTurn(const job::JobId& job, int64_t turn) {
+  if (const auto number = numbers_.find(job); number != numbers_.end()) share_.SetTurn(number->second, turn);
+}
+
+void FrameQueue::ForgetJob(const job::JobId& job) {
+  std::erase_if(waiting_, [&job](const DueFrame& frame) { return frame.job == job; });
+  const auto number = numbers_.find(job);
+  if (number == numbers_.end()) return;
+  share_.RemoveJob(number->second);
+  numbers_.erase(number);
+}
 
 void FrameQueue::Push(DueFrame frame) {
   has_news_ = true;
@@ -28,13 +52,120 @@ void FrameQueue::Push(DueFrame frame) {
 
 bool FrameQueue::TakeNews() { return std::exchange(has_news_, false); }
 
-std::optional<DueFrame> FrameQueue::TakeDue(absl::Time now) {
-  const auto due = std::find_if(waiting_.begin(), waiting_.end(),
-                                [now](const DueFrame& frame) { return frame.not_before <= now; });
-  if (due == waiting_.end()) return std::nullopt;
-  DueFrame frame = std::move(*due);
+void FrameQueue::FindReady(absl::Time now) {
+  for (const DueFrame& frame : waiting_) {
+    if (MayBegin(frame, now)) share_.SetQueue(numbers_.at(frame.job), &ready_, now);
+  }
+}
+
+std::deque<DueFrame>::iterator FrameQueue::FirstOf(int64_t job, absl::Time now) {
+  return std::find_if(waiting_.begin(), waiting_.end(), [&](const DueFrame& frame) {
+    return numbers_.at(frame.job) == job && MayBegin(frame, now);
+  });
+}
+
+std::optional<RunningFrame> FrameQueue::Begin(absl::Time now) {
+  FindReady(now);
+  const std::optional<scheduler::FairShare::Candidate> first = share_.First(ready_, {});
+  if (!first.has_value()) return std::nullopt;
+  const auto due = FirstOf(first->job, now);
+  // Others do not overtake a frame that needs more memory than is left, or it would wait for ever.
+  if (!HasRoom(*due, share_.UserOf(first->job))) return std::nullopt;
+  const auto ready = std::count_if(waiting_.begin(), waiting_.end(),
+                                   [&](const DueFrame& other) { return MayBegin(other, now); });
+  return Start(*first, due, std::nullopt, ThreadsFor(*due, ready), now);
+}
+
+std::optional<RunningFrame> FrameQueue::BeginAway(
+    absl::Time now, absl::FunctionRef<std::optional<job::WorkerId>(const DueFrame&)> find_worker) {
+  FindReady(now);
+  std::set<int64_t> passed;  // jobs whose frames stay here
+  while (const std::optional<scheduler::FairShare::Candidate> first = share_.First(ready_, passed)) {
+    const auto due = std::find_if(waiting_.begin(), waiting_.end(), [&](const DueFrame& frame) {
+      return frame.may_travel && numbers_.at(frame.job) == first->job && MayBegin(frame, now);
+    });
+    const std::optional<job::WorkerId> worker = due == waiting_.end() ? std::nullopt : find_worker(*due);
+    if (worker.has_value()) return Start(*first, due, worker, /*threads=*/1, now);
+    passed.insert(first->job);
+  }
+  return std::nullopt;
+}
+
+RunningFrame FrameQueue::Start(const scheduler::FairShare::Candidate& first,
+                               std::deque<DueFrame>::iterator due, std::optional<job::WorkerId> worker,
+                               int threads, absl::Time now) {
+  const RunningFrame frame = {.due = std::move(*due),
+                              .user = share_.UserOf(first.job),
+                              .job_number = first.job,
+                              .worker = worker,
+                              .threads = threads,
+                              .since = now};
   waiting_.erase(due);
+  running_.push_back(frame);
+  share_.Choose(first);
+  share_.Granted(first.job, now);
+  if (FirstOf(first.job, now) == waiting_.end()) share_.SetQueue(first.job, nullptr, now);
   return frame;
+}
+
+void FrameQueue::End(const FrameKey& key, absl::Time now) {
+  const auto frame = std::find_if(running_.begin(), running_.end(),
+                                  [&](const RunningFrame& other) { return other.due.key() == key; });
+  // Of a job that has ended, and perhaps begun again, nothing is charged.
+  const auto number = numbers_.find(key.first);
+  if (number != numbers_.end() && number->second == frame->job_number)
+    share_.Ended(number->second, frame->threads * (now - frame->since));
+  running_.erase(frame);
+  has_news_ = true;
+}
+
+void FrameQueue::ComeBack(const FrameKey& key, absl::Time now) {
+  const auto frame = std::find_if(running_.begin(), running_.end(),
+                                  [&](const RunningFrame& other) { return other.due.key() == key; });
+  DueFrame due = frame->due;
+  const bool is_wanted = !frame->is_stale && numbers_.contains(key.first);
+  End(key, now);
+  due.may_travel = false;
+  if (is_wanted) waiting_.push_front(std::move(due));
+}
+
+uint64_t FrameQueue::MemoryOf(const DueFrame& frame) const {
+  return options_.frame_memory_bytes == 0 ? frame.memory_bytes
+                                          : std::min(frame.memory_bytes, options_.frame_memory_bytes);
+}
+
+uint64_t FrameQueue::UsedMemory() const {
+  uint64_t bytes = 0;
+  for (const RunningFrame& frame : running_) bytes += frame.worker.has_value() ? 0 : MemoryOf(frame.due);
+  return bytes;
+}
+
+int FrameQueue::CountHere() const {
+  return static_cast<int>(std::count_if(running_.begin(), running_.end(),
+                                        [](const RunningFrame& frame) { return !frame.worker.has_value(); }));
+}
+
+bool FrameQueue::HasRoom(const DueFrame& frame, const std::string& user) const {
+  const int count = CountHere();
+  if (options_.processes > 0) return count < options_.processes;
+  if (count == 0) return true;
+  if (UsedMemory() + MemoryOf(frame) > options_.memory_bytes) return false;
+  if (count < options_.threads) return true;
+  const bool has_none = std::none_of(running_.begin(), running_.end(), [&](const RunningFrame& other) {
+    return other.user == user && !other.worker.has_value();
+  });
+  return has_none && count < 2 * options_.threads;
+}
+
+int FrameQueue::ThreadsFor(const DueFrame& frame, int64_t ready) const {
+  const auto by_memory = static_cast<int64_t>(options_.memory_bytes / std::max<uint64_t>(MemoryOf(frame), 1));
+  const int64_t places = options_.processes > 0 ? int64_t{options_.processes}
+                                                : std::clamp<int64_t>(by_memory, 1, options_.threads);
+  const int64_t together = std::min(ready, std::max<int64_t>(1, places - CountHere()));
+  int64_t idle = options_.threads;
+  for (const RunningFrame& other : running_) idle -= other.worker.has_value() ? 0 : other.threads;
+  const int64_t part = (std::max<int64_t>(0, idle) + together - 1) / together;
+  return static_cast<int>(std::max({int64_t{1}, options_.threads / places, part}));
 }
 
 absl::Time FrameQueue::NextDue(absl::Time now) const {
@@ -57,12 +188,28 @@ void FrameQueue::AwaitStorage(DueFrame* frame, absl::Time now) {
   waiting_.push_back(*frame);
 }
 
-void FrameQueue::MarkStale(const FrameKey& frame) {
-  if (current_.has_value() && current_->frame == frame) current_->is_stale = true;
+bool FrameQueue::IsRunning(const FrameKey& frame) const {
+  return std::any_of(running_.begin(), running_.end(),
+                     [&](const RunningFrame& other) { return other.due.key() == frame; });
 }
 
-void FrameQueue::ForgetJob(const job::JobId& job) {
-  std::erase_if(waiting_, [&job](const DueFrame& frame) { return frame.job == job; });
+int FrameQueue::CountRunning(const job::JobId& job) const {
+  return static_cast<int>(std::count_if(running_.begin(), running_.end(),
+                                        [&](const RunningFrame& frame) { return frame.due.job == job; }));
+}
+
+int FrameQueue::CountWaiting(const job::JobId& job) const {
+  return static_cast<int>(std::count_if(waiting_.begin(), waiting_.end(),
+                                        [&](const DueFrame& frame) { return frame.job == job; }));
+}
+
+void FrameQueue::MarkStale(const FrameKey& frame) {
+  for (RunningFrame& other : running_) other.is_stale = other.is_stale || other.due.key() == frame;
+}
+
+bool FrameQueue::IsStale(const FrameKey& frame) const {
+  return std::any_of(running_.begin(), running_.end(),
+                     [&](const RunningFrame& other) { return other.due.key() == frame && other.is_stale; });
 }
 
 }  // namespace lumifold::server

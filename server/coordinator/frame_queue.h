@@ -2,12 +2,19 @@
 
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <optional>
+#include <string>
+#include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/time/time.h"
+#include "lumifold/v1/job.pb.h"
 #include "proto/retry/pauses.h"
 #include "server/commit/open_logs.h"
+#include "server/coordinator/finish_options.h"
 #include "server/job/ids.h"
+#include "server/scheduler/fair_share.h"
 
 namespace lumifold::server {
 
@@ -21,6 +28,10 @@ struct DueFrame {
   /// Render time of the job when that round was committed, and its camera samples, of all frames.
   absl::Duration rendered = {};
   int64_t samples = 0;
+  /// Memory that finishing it takes.
+  uint64_t memory_bytes = 0;
+  /// A worker may finish it, too.
+  bool may_travel = false;
   /// Number of times that finishing it has failed, and when it may be tried again.
   int failures = 0;
   /// Number of times that the storage could not be written meanwhile, which is no failure of the frame.
@@ -30,21 +41,54 @@ struct DueFrame {
   FrameKey key() const { return {job, number}; }
 };
 
-/// The frames that wait for the finisher, and the one that it has. Pure state.
+/// A frame that is being finished.
+struct RunningFrame {
+  DueFrame due;
+  /// Whose job it is, and its number in the queue.
+  std::string user;
+  int64_t job_number = 0;
+  /// That finishes it; nullopt: this coordinator.
+  std::optional<job::WorkerId> worker;
+  /// That it has there.
+  int threads = 1;
+  absl::Time since;
+  /// Units were taken back meanwhile: its result is of no use.
+  bool is_stale = false;
+};
+
+/// The frames that wait to be finished, and those that are being finished. Pure state.
+///
+/// Users and jobs share the finisher as they share workers (scheduler::FairShare): what counts is the frames
+/// that are being finished and, once they are, the time of their threads. The frames of a job go in the order
+/// in which they became due. A frame alone gets all threads; of several, each gets its part. Frames for which
+/// this coordinator has no place go to workers that have one.
 /// Threads: one at a time.
 class FrameQueue {
  public:
-  /// `pause` follows the first failure of a frame; each further one is four times as long.
-  explicit FrameQueue(absl::Duration pause);
+  explicit FrameQueue(const FinishOptions& options);
 
-  /// No effect where the same is queued already.
+  /// Before its first frame is queued.
+  void AddJob(const job::JobId& job, const v1::Scheduling& scheduling);
+  /// No effect for a job that is not here.
+  void SetPriority(const job::JobId& job, int priority);
+  void SetTurn(const job::JobId& job, int64_t turn);
+  /// Its frames that wait are dropped.
+  void ForgetJob(const job::JobId& job);
+
+  /// Of a job that is here. No effect where the same is queued already.
   void Push(DueFrame frame);
   /// Frames that wait may be finished now, or tried again.
   void Wake() { has_news_ = true; }
-  /// Whether a frame has been queued, or Wake called, since the last call.
+  /// Whether a frame has been queued, Wake called or a frame's end made room, since the last call.
   bool TakeNews();
-  /// Takes the first frame that may be finished now.
-  std::optional<DueFrame> TakeDue(absl::Time now);
+  /// Takes the frame that is to be finished next, if one may be now: it is running until End.
+  std::optional<RunningFrame> Begin(absl::Time now);
+  /// The same for a worker, where Begin has none. `find_worker` has a place for a frame, or not.
+  std::optional<RunningFrame> BeginAway(
+      absl::Time now, absl::FunctionRef<std::optional<job::WorkerId>(const DueFrame&)> find_worker);
+  void End(const FrameKey& frame, absl::Time now);
+  /// Ends a frame that a worker has not finished. It is queued again, for this coordinator.
+  void ComeBack(const FrameKey& frame, absl::Time now);
   /// When the next of those that may not be finished yet may be; InfiniteFuture if there is none.
   absl::Time NextDue(absl::Time now) const;
   /// Queues a frame again that failed, for later. False where it has failed too often.
@@ -52,29 +96,45 @@ class FrameQueue {
   /// Queues a frame again whose result could not be written.
   void AwaitStorage(DueFrame* frame, absl::Time now);
 
-  /// The finisher has this frame until End.
-  void Begin(const FrameKey& frame) { current_ = Current{.frame = frame}; }
-  void End() { current_.reset(); }
-  bool IsFinishing(const job::JobId& job) const {
-    return current_.has_value() && current_->frame.first == job;
-  }
-  /// Units of the frame were taken back: if the finisher has it, its result is of no use.
+  bool IsFinishing(const job::JobId& job) const { return CountRunning(job) > 0; }
+  /// Frames of a job that are being finished, here or by workers, and those that wait. Linear in all frames.
+  int CountRunning(const job::JobId& job) const;
+  int CountWaiting(const job::JobId& job) const;
+  /// Units of the frame were taken back. No effect unless it is running.
   void MarkStale(const FrameKey& frame);
-  bool result_is_stale() const { return current_.has_value() && current_->is_stale; }
-
-  void ForgetJob(const job::JobId& job);
+  bool IsStale(const FrameKey& frame) const;
   const std::deque<DueFrame>& waiting() const { return waiting_; }
+  const std::vector<RunningFrame>& running() const { return running_; }
+  /// Frames that are finished here.
+  int CountHere() const;
 
  private:
-  struct Current {
-    FrameKey frame;
-    bool is_stale = false;
-  };
+  bool IsRunning(const FrameKey& frame) const;
+  bool MayBegin(const DueFrame& frame, absl::Time now) const {
+    return frame.not_before <= now && !IsRunning(frame.key());
+  }
+  /// Jobs with a frame that may be finished now are ready for the next place.
+  void FindReady(absl::Time now);
+  /// The frame of a job that begins next.
+  std::deque<DueFrame>::iterator FirstOf(int64_t job, absl::Time now);
+  RunningFrame Start(const scheduler::FairShare::Candidate& first, std::deque<DueFrame>::iterator due,
+                     std::optional<job::WorkerId> worker, int threads, absl::Time now);
+  uint64_t MemoryOf(const DueFrame& frame) const;
+  /// Memory of the frames that are finished here.
+  uint64_t UsedMemory() const;
+  bool HasRoom(const DueFrame& frame, const std::string& user) const;
+  /// Of a frame that begins while so many may, itself included.
+  int ThreadsFor(const DueFrame& frame, int64_t ready) const;
 
   const retry::Pauses after_failures_;
   const retry::Pauses for_storage_;
+  const FinishOptions options_;
   std::deque<DueFrame> waiting_;
-  std::optional<Current> current_;
+  std::vector<RunningFrame> running_;
+  scheduler::FairShare share_;
+  scheduler::FairShare::Queue ready_;
+  std::map<job::JobId, int64_t> numbers_;  // of the jobs that are here, for share_
+  int64_t next_number_ = 0;
   bool has_news_ = false;
 };
 

@@ -36,6 +36,8 @@ monitoring::FarmMetrics MetricsOf(const Resources& resources, FarmState* state) 
   metrics.traffic.assets_received = resources.traffic.assets_received;
   metrics.traffic.results_sent = resources.traffic.results_sent;
   metrics.traffic.assets_sent = resources.traffic.assets_sent;
+  metrics.traffic.units_sent = resources.traffic.units_sent;
+  metrics.traffic.results_received = resources.traffic.results_received;
   FarmState::View farm(state);
   const scheduler::Metrics counts = farm->scheduler.CountAll();
   metrics.units_queued = counts.units_queued;
@@ -50,6 +52,9 @@ monitoring::FarmMetrics MetricsOf(const Resources& resources, FarmState* state) 
   metrics.worker_slots = counts.slots;
   metrics.workers = counts.workers;
   metrics.blocked_names = static_cast<int64_t>(farm->scheduler.workers().Blocked().size());
+  metrics.frames.on_workers = farm->finish_leases.size();
+  metrics.frames.filtering = static_cast<int64_t>(farm->frames.running().size()) - metrics.frames.on_workers;
+  metrics.frames.waiting = static_cast<int64_t>(farm->frames.waiting().size());
   for (const auto& [job, active] : farm->jobs.active())
     ++metrics.jobs[StateOfActiveJob(active.record, farm->scheduler.jobs().Progress(job),
                                     farm->dependencies.IsWaiting(job))];

@@ -162,10 +162,12 @@ void OperatorCalls::Reschedule(Farm* farm, ActiveJob* active, const v1::Scheduli
   if (scheduling.priority() != before.priority()) {
     resources_->log().info("event=job_priority job={} priority={}", job.value(), scheduling.priority());
     farm->scheduler.jobs().SetPriority(job, scheduling.priority());
+    farm->frames.SetPriority(job, scheduling.priority());
   }
   if (scheduling.turn_ms() != before.turn_ms()) {
     resources_->log().info("event=job_moved_to_front job={}", job.value());
     farm->scheduler.jobs().SetTurn(job, scheduling.turn_ms());
+    farm->frames.SetTurn(job, scheduling.turn_ms());
   }
   farm->watchers.MarkChanged(job);
 }

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "absl/time/time.h"
+#include "server/coordinator/finish_options.h"
 #include "server/storage/retention.h"
 #include "server/storage/storage_options.h"
 
@@ -57,9 +58,7 @@ struct WorkerTerms {
 /// What a Coordinator is made with.
 struct CoordinatorOptions {
   WorkerTerms workers;
-  /// Pause before a frame whose filter process was killed is tried again; the next pause is four times as
-  /// long.
-  absl::Duration finish_pause = absl::Seconds(5);
+  FinishOptions finishing;
   /// Monotonic clock: orders everything.
   std::function<absl::Time()> now;
   /// Wall clock: stamps submissions, for display and for the ids of jobs.

@@ -15,6 +15,7 @@
 #include "lumifold/v1/log.pb.h"
 #include "lumifold/v1/worker.pb.h"
 #include "proto/rpc/byte_stream.h"
+#include "server/commit/unit_sender.h"
 #include "server/film/unit_layout.h"
 #include "server/film/unit_record.h"
 #include "server/job/ids.h"
@@ -111,6 +112,19 @@ class WorkerSink {
   virtual void Send(const v1::CoordinatorMessage& message) = 0;
 };
 
+/// A result that a worker delivers. Its destruction drops what has arrived, unless Finish has succeeded.
+/// Threads: one at a time.
+class ResultUpload {
+ public:
+  virtual ~ResultUpload() = default;
+  /// Errors: those of rpc::ByteReceiver::Add; kInvalidArgument for a file that is too large.
+  virtual absl::Status Add(const v1::ByteChunk& chunk) = 0;
+  /// All has arrived: the frame is finished by it, once. Errors: kFailedPrecondition where something is
+  /// missing; kDataLoss where the SHA-256 does not match; kAborted where the lease is void, or the job
+  /// another coordinator's.
+  virtual absl::Status Finish() = 0;
+};
+
 /// What a worker has to deliver for a lease.
 struct LeasedUnit {
   Rect rect;
@@ -161,6 +175,14 @@ class WorkerApi {
   virtual absl::Status CheckFetch(const v1::FetchAssetRequest& request, const std::string& caller) = 0;
   /// After CheckFetch.
   virtual absl::StatusOr<rpc::ByteSender> OpenAsset(const v1::FetchAssetRequest& request) const = 0;
+  /// The units of a frame that the worker has a lease to finish. Errors: kPermissionDenied without such a
+  /// lease; those of CommittedUnits.
+  virtual absl::StatusOr<UnitSender> OpenUnits(const v1::FetchUnitsRequest& request,
+                                               const std::string& caller) = 0;
+  /// The result of such a lease is about to arrive. Errors: as OpenUnits; kResourceExhausted while the
+  /// storage cannot be written.
+  virtual absl::StatusOr<std::unique_ptr<ResultUpload>> ReceiveResult(
+      const v1::ResultAnnouncement& announcement, const std::string& caller) = 0;
   /// The worker could not get an asset of the unit's job. If it is not here or damaged, the job waits until
   /// it is uploaded again; otherwise the unit has failed.
   virtual void OnAssetMissing(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,

@@ -23,6 +23,8 @@ using job::WorkerId;
 namespace {
 
 constexpr int kMaxSlots = 1024;
+/// Frames that a worker may offer to finish at a time.
+constexpr int kMaxFinishes = 1024;
 
 absl::Status CheckHello(const v1::Hello& hello) {
   if (hello.name().size() > rpc::kMaxWorkerNameBytes ||
@@ -86,6 +88,10 @@ absl::StatusOr<WorkerId> WorkerCalls::AddWorker(const v1::Hello& hello, const ac
                                          .instance = hello.instance(),
                                          .slots = hello.slots(),
                                          .tags = {hello.tags().begin(), hello.tags().end()}});
+  farm->finish_leases.AddWorker(worker, {.numeric_class = hello.numeric_class(),
+                                         .places = std::min(hello.finishes(), kMaxFinishes),
+                                         .memory_bytes = hello.finish_memory_bytes()});
+  if (hello.finishes() > 0) farm->frames.Wake();
   v1::CoordinatorMessage welcome;
   welcome.mutable_welcome()->set_worker_id(job::TextOf(worker));
   welcome.mutable_welcome()->set_heartbeat_ms(
@@ -100,6 +106,7 @@ absl::StatusOr<WorkerId> WorkerCalls::AddWorker(const v1::Hello& hello, const ac
 void WorkerCalls::RemoveWorker(WorkerId worker) {
   FarmState::Change farm(state_);
   resources_->log().info("event=worker_gone worker={}", farm->workers.NameOf(worker));
+  farm->TakeFramesBack(farm->finish_leases.RemoveWorker(worker), "worker_gone");
   farm->workers.Remove(worker);
   farm->scheduler.workers().Remove(worker);
   if (!farm->is_leasing()) return;
@@ -112,8 +119,10 @@ void WorkerCalls::OnHeartbeat(WorkerId worker, const v1::Heartbeat& heartbeat) {
     held.push_back({job::UnitFromProto(lease.unit()), Attempt(lease.attempt()), lease.progress()});
   }
   FarmState::Change farm(state_);
-  farm->ReportLate(farm->scheduler.workers().Heartbeat(worker, held, Attempt(heartbeat.newest_attempt()),
-                                                       resources_->options.now()));
+  const Attempt newest(heartbeat.newest_attempt());
+  const absl::Time now = resources_->options.now();
+  farm->ReportLate(farm->scheduler.workers().Heartbeat(worker, held, newest, now));
+  farm->TakeFramesBack(farm->finish_leases.Heartbeat(worker, held, newest, now), "dropped");
 }
 
 void WorkerCalls::KeepLog(WorkerId worker, const google::protobuf::RepeatedPtrField<v1::LogEvent>& lines) {
@@ -182,6 +191,7 @@ void WorkerCalls::RefuseUnit(WorkerId worker, const UnitRef& unit, Attempt attem
 
 void WorkerCalls::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt, const std::string& error,
                            bool permanent) {
+  if (unit.key.kind == v1::UNIT_KIND_RESULT) return finishing_.TakeBack(worker, unit, attempt, error);
   FarmState::Change farm(state_);
   farm->scheduler.units().Fail(worker, unit, attempt, {.permanent = permanent, .error = error},
                                resources_->options.now());
@@ -191,6 +201,10 @@ void WorkerCalls::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt
 }
 
 void WorkerCalls::HandBack(WorkerId worker, const v1::HandBack& message) {
+  for (const v1::Lease& lease : message.leases()) {
+    if (lease.unit().kind() == v1::UNIT_KIND_RESULT)
+      finishing_.TakeBack(worker, job::UnitFromProto(lease.unit()), Attempt(lease.attempt()), "handed_back");
+  }
   FarmState::Change farm(state_);
   int returned = 0;
   for (const v1::Lease& lease : message.leases())

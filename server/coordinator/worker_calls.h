@@ -1,9 +1,11 @@
 #pragma once
 
+#include <memory>
 #include <string>
 
 #include "server/commit/committer.h"
 #include "server/coordinator/farm_state.h"
+#include "server/coordinator/finish_delivery.h"
 #include "server/coordinator/plan_delivery.h"
 #include "server/coordinator/resources.h"
 #include "server/coordinator/roles.h"
@@ -16,12 +18,13 @@ namespace lumifold::server {
 class WorkerCalls final : public WorkerApi {
  public:
   /// All must outlive it.
-  WorkerCalls(Resources* resources, FarmState* state, Committer* committer)
+  WorkerCalls(Resources* resources, FarmState* state, Committer* committer, FrameFinishing* finishing)
       : resources_(resources),
         state_(state),
         committer_(committer),
         scene_files_(resources, state),
-        plans_(resources, state, committer) {}
+        plans_(resources, state, committer),
+        finishing_(resources, state, finishing) {}
 
   absl::StatusOr<job::WorkerId> AddWorker(const v1::Hello& hello, const access::Identity& caller,
                                           WorkerSink* sink) override;
@@ -54,6 +57,14 @@ class WorkerCalls final : public WorkerApi {
   absl::StatusOr<rpc::ByteSender> OpenAsset(const v1::FetchAssetRequest& request) const override {
     return scene_files_.OpenAsset(request);
   }
+  absl::StatusOr<UnitSender> OpenUnits(const v1::FetchUnitsRequest& request,
+                                       const std::string& caller) override {
+    return finishing_.OpenUnits(request, caller);
+  }
+  absl::StatusOr<std::unique_ptr<ResultUpload>> ReceiveResult(const v1::ResultAnnouncement& announcement,
+                                                              const std::string& caller) override {
+    return finishing_.Receive(announcement, caller);
+  }
   void OnAssetMissing(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
                       const std::string& sha256, const std::string& error) override;
 
@@ -63,6 +74,7 @@ class WorkerCalls final : public WorkerApi {
   Committer* const committer_;
   const SceneFiles scene_files_;
   const PlanDelivery plans_;
+  const FinishDelivery finishing_;
 };
 
 }  // namespace lumifold::server

@@ -164,6 +164,10 @@ UnitLogReader::UnitLogReader(std::string path, rpc::FileHandle file, uint64_t si
 absl::StatusOr<UnitLogReader> UnitLogReader::Open(const std::string& path) {
   rpc::FileHandle file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (file.get() < 0) return FileError(path, errno);
+  return OfFile(std::move(file), path);
+}
+
+absl::StatusOr<UnitLogReader> UnitLogReader::OfFile(rpc::FileHandle file, const std::string& path) {
   struct stat info = {};
   if (fstat(file.get(), &info) != 0) return FileError(path, errno);
   return UnitLogReader(path, std::move(file), static_cast<uint64_t>(info.st_size));
@@ -183,6 +187,24 @@ absl::StatusOr<UnitHeader> UnitLogReader::ReadHeader(const RecordPlace& place) c
   return UnitHeader{job::UnitFromProto(header->unit()),
                     {std::move(*header->mutable_pixels()->mutable_layout()),
                      header->edges().layout().height(), std::move(*header->mutable_stats())}};
+}
+
+absl::StatusOr<std::string> UnitLogReader::ReadBytes(const RecordPlace& place) const {
+  if (absl::Status status = CheckWithinFile(place); !status.ok()) return status;
+  return BytesAt(file_, path_, place.offset, place.length);
+}
+
+absl::Status UnitLogReader::ForEachHeader(
+    absl::FunctionRef<void(const UnitHeader&, const RecordPlace&)> visit) const {
+  for (uint64_t offset = 0; offset < size_;) {
+    const absl::StatusOr<RecordPlace> place = PlaceAt(offset);
+    if (!place.ok()) return place.status();
+    const absl::StatusOr<UnitHeader> header = ReadHeader(*place);
+    if (!header.ok()) return header.status();
+    visit(*header, *place);
+    offset += place->length;
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<std::string> UnitLogReader::ReadDigest(const RecordPlace& place) const {

@@ -87,6 +87,8 @@ class UnitLogReader {
  public:
   /// Errors: kNotFound, kUnavailable naming the file.
   static absl::StatusOr<UnitLogReader> Open(const std::string& path);
+  /// The same for a file that is open; `path` is for messages.
+  static absl::StatusOr<UnitLogReader> OfFile(rpc::FileHandle file, const std::string& path);
 
   /// Errors: kDataLoss naming file and offset where the record is incomplete or a checksum does not match;
   /// kFailedPrecondition where another version of Lumifold wrote it.
@@ -94,6 +96,12 @@ class UnitLogReader {
 
   /// As Read, for the header only; the pixels are not checked.
   absl::StatusOr<UnitHeader> ReadHeader(const RecordPlace& place) const;
+
+  /// The bytes of the record as they are, neither checked nor decoded.
+  absl::StatusOr<std::string> ReadBytes(const RecordPlace& place) const;
+
+  /// Reads the headers of all records, of a file that has nothing else. Errors: as Read.
+  absl::Status ForEachHeader(absl::FunctionRef<void(const UnitHeader&, const RecordPlace&)> visit) const;
 
   /// EncodedUnit::digest of the record. Errors: as Read; the pixels are not checked.
   absl::StatusOr<std::string> ReadDigest(const RecordPlace& place) const;

@@ -20,30 +20,37 @@ class ChildProcessFinisher final : public FrameFinisher {
   ChildProcessFinisher(const DataFolder& folder, const ChildProcessOptions& options)
       : folder_(folder), child_(options) {}
 
-  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame) override {
+  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame, int threads) override {
     return Run(
-        {.job = job.job, .epoch = job.epoch, .frame = frame, .round = kResult, .rendered = {}, .samples = 0});
+        {.job = job.job, .epoch = job.epoch, .frame = frame, .round = kResult, .rendered = {}, .samples = 0},
+        threads);
   }
-  absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round) override { return Run(round); }
+  absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {
+    return Run(round, threads);
+  }
   void CancelJob(const job::JobId& job) override { child_.CancelJob(job); }
   void Cancel() override { child_.Cancel(); }
 
  private:
   /// Starts a child for the estimate of a round, or for the result.
-  absl::StatusOr<v1::FrameReport> Run(const RoundToEstimate& what);
+  absl::StatusOr<v1::FrameReport> Run(const RoundToEstimate& what, int threads);
 
   const DataFolder folder_;
   ChildProcess child_;
 };
 
-absl::StatusOr<v1::FrameReport> ChildProcessFinisher::Run(const RoundToEstimate& what) {
+absl::StatusOr<v1::FrameReport> ChildProcessFinisher::Run(const RoundToEstimate& what, int threads) {
   const std::string task = absl::StrCat("frame ", what.frame);
-  const absl::StatusOr<std::string> answer = child_.Run(
-      kFinishFrameCommand, folder_.root(),
-      {what.job.value(), absl::StrCat(what.frame), absl::StrCat(what.round),
-       absl::StrCat(absl::ToInt64Milliseconds(what.rendered)), absl::StrCat(what.samples),
-       absl::StrCat(what.epoch.value()), what.round == kResult ? "" : kUrgent},  // workers wait for rounds
-      what.job, task);
+  const absl::StatusOr<std::string> answer =
+      child_.Run({.command = kFinishFrameCommand,
+                  .root = folder_.root(),
+                  .threads = threads,
+                  .arguments = {what.job.value(), absl::StrCat(what.frame), absl::StrCat(what.round),
+                                absl::StrCat(absl::ToInt64Milliseconds(what.rendered)),
+                                absl::StrCat(what.samples), absl::StrCat(what.epoch.value()),
+                                what.round == kResult ? "" : kUrgent},  // workers wait for rounds
+                  .job = what.job,
+                  .task = task});
   if (!answer.ok()) return answer.status();
   v1::FrameReport report;
   if (!report.ParseFromString(*answer))

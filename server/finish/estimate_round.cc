@@ -10,8 +10,8 @@
 #include "proto/rpc/checked_file.h"
 #include "server/commit/committed_units.h"
 #include "server/film/unit_film.h"
-#include "server/finish/filtered_round.h"
 #include "server/job/frame_list.h"
+#include "server/picture/filtered_round.h"
 
 namespace lumifold::server {
 namespace {

@@ -1,164 +1,23 @@
 #include "server/finish/finish_frame.h"
 
-#include <algorithm>
-#include <array>
 #include <optional>
 #include <string>
 #include <utility>
 
-#include "filter/image/layers.h"
-#include "filter/methods.h"
 #include "server/commit/committed_units.h"
 #include "server/film/result_digest.h"
-#include "server/film/result_writer.h"
-#include "server/film/unit_film.h"
 #include "server/finish/estimate_round.h"
-#include "server/finish/filtered_round.h"
+#include "server/picture/make_picture.h"
 
 namespace lumifold::server {
-namespace {
-
-using ledger::JobRecord;
-
-/// Measures the time of alternating stages.
-class StageClock {
- public:
-  enum Stage { kAssemble, kFilter, kWrite, kStages };
-
-  explicit StageClock(const std::function<absl::Time()>& now) : now_(now), since_(now()) {}
-
-  /// Adds the time since the last call, or since construction, to `stage`.
-  void Charge(Stage stage) {
-    const absl::Time now = now_();
-    spent_[stage] += now - since_;
-    since_ = now;
-  }
-
-  v1::StageTimes Times() const {
-    v1::StageTimes times;
-    times.set_assemble_seconds(absl::ToDoubleSeconds(spent_[kAssemble]));
-    times.set_filter_seconds(absl::ToDoubleSeconds(spent_[kFilter]));
-    times.set_write_seconds(absl::ToDoubleSeconds(spent_[kWrite]));
-    return times;
-  }
-
- private:
-  const std::function<absl::Time()>& now_;
-  absl::Time since_;
-  std::array<absl::Duration, kStages> spent_;
-};
-
-/// A film whose reads are charged to assembly, and the time between them to the filter.
-TimedFilm MakeTimedFilm(FilmSource* film, StageClock* clock) {
-  const auto before = [clock] {
-    clock->Charge(StageClock::kFilter);
-    return absl::OkStatus();
-  };
-  return {film, before, [clock] { clock->Charge(StageClock::kAssemble); }};
-}
-
-/// The part of the filtered `rows` inside `rect`.
-std::array<Plane, 3> PictureIn(const LayeredImage& rows, const Rect& rect) {
-  const ConstColorView color = rows.GetColor(layers::kBeauty);
-  std::array<Plane, 3> picture;
-  for (size_t c = 0; c < picture.size(); ++c) {
-    picture[c] = Plane::Uninitialized(rect.width(), rect.height());
-    CopyPlane(color[c].Crop(rect), picture[c].view());
-  }
-  return picture;
-}
-
-/// Filters a frame and writes its result.
-class Finish {
- public:
-  Finish(film::UnitFilm* film, film::ResultWriter* result, std::string method, TaskPool* pool,
-         StageClock* clock)
-      : film_(*film),
-        timed_(MakeTimedFilm(film, clock)),
-        result_(*result),
-        method_(std::move(method)),
-        pool_(pool),
-        clock_(*clock) {}
-
-  /// For a frame of one block: the film is read once.
-  absl::Status Whole() {
-    absl::StatusOr<EdgedImage> film = timed_.Read({0, 0, film_.width(), film_.height()});
-    if (!film.ok()) return film.status();
-    absl::StatusOr<std::array<Plane, 3>> filtered =
-        filter::FilterFilm(film->pixels, method_, pool_, &film->edges, &film->fragments);
-    if (!filtered.ok()) return filtered.status();
-    clock_.Charge(StageClock::kFilter);
-    return Write(*std::move(film), *std::move(filtered));
-  }
-
-  /// For a frame that was filtered before.
-  absl::Status Filtered(FilteredRound frame) {
-    return Write(std::move(frame.film), std::move(frame.filtered.picture));
-  }
-
-  /// For a frame of several blocks: the other layers of the result are read again when the rows of the
-  /// picture are filtered. Keeping them would need the memory of a row of blocks with all channels.
-  absl::Status InRows(const filter::BlockParams& blocks) {
-    const auto write = [this](const LayeredImage& rows) { return WriteRows(rows); };
-    return filter::FilterFilmInRows(&timed_, method_, {}, pool_, write, blocks);
-  }
-
- private:
-  absl::Status WriteRows(const LayeredImage& rows) {
-    const int first = y_;
-    while (y_ < first + rows.height()) {
-      const Rect band = {0, y_, film_.width(), std::min(first + rows.height(), film_.BandEnd(y_))};
-      absl::StatusOr<EdgedImage> part = timed_.Read(band);
-      if (!part.ok()) return part.status();
-      absl::Status status = Write(*std::move(part), PictureIn(rows, SeenFrom(0, first, band)));
-      if (!status.ok()) return status;
-      y_ = band.y1;
-    }
-    return absl::OkStatus();
-  }
-
-  absl::Status Write(EdgedImage part, std::array<Plane, 3> filtered) {
-    absl::Status status = result_.Append(std::move(part), std::move(filtered));
-    clock_.Charge(StageClock::kWrite);
-    return status;
-  }
-
-  const film::UnitFilm& film_;
-  TimedFilm timed_;
-  film::ResultWriter& result_;
-  const std::string method_;
-  TaskPool* const pool_;
-  StageClock& clock_;
-  int y_ = 0;  // first row that is not written
-};
-
-/// A frame with adaptive sampling whose error has been estimated.
-struct EstimatedFrame {
-  FilteredRound last;
-  double error = 0;
-};
-
-/// The last round of a frame, with the error of its picture.
-absl::StatusOr<EstimatedFrame> Estimated(const v1::JobSpec& spec, int32_t frame,
-                                         const job::FrameRounds& rounds, const CommittedUnits& units,
-                                         TaskPool* pool) {
-  absl::StatusOr<FilteredRound> last =
-      FilterRound(spec, frame, rounds, rounds.count() - 1, units, filter::FilterPurpose::kPicture, pool);
-  if (!last.ok()) return last.status();
-  const double error = rounds.MeasuredError(ErrorsOf(*last, spec, pool));
-  return EstimatedFrame{*std::move(last), error};
-}
-
-}  // namespace
 
 absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::JobStore& store,
                                             const ledger::OwnedJob& owned, int32_t frame, TaskPool* pool,
                                             const std::function<absl::Time()>& now,
                                             const filter::BlockParams& blocks) {
   const job::JobId& job_id = owned.job;
-  const absl::StatusOr<JobRecord> job = store.GetJob(job_id);
+  const absl::StatusOr<ledger::JobRecord> job = store.GetJob(job_id);
   if (!job.ok()) return job.status();
-  StageClock clock(now);
   const absl::StatusOr<CommittedUnits> units = CommittedUnits::Open(folder, store, *job, frame);
   if (!units.ok()) return units.status();
   std::optional<job::FrameRounds> rounds;
@@ -167,45 +26,20 @@ absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::Jo
     if (!read.ok()) return read.status();
     rounds = *std::move(read);
   }
-  absl::StatusOr<film::UnitFilm> film = film::UnitFilm::Open(
-      job->spec, frame, &*units, pool,
-      rounds.has_value() ? film::FilmRounds{&*rounds, rounds->count()} : film::FilmRounds());
-  if (!film.ok()) return film.status();
-  clock.Charge(StageClock::kAssemble);
-  film::ResultInfo info = {.spec = job->spec, .frame = frame, .numeric_class = job->numeric_class};
-  absl::StatusOr<film::UnitOutline> first = units->Outline({frame, 0, 0, v1::UNIT_KIND_GEOMETRY});
-  if (!first.ok()) return first.status();
-  info.facts = std::move(first->stats);
-  std::optional<EstimatedFrame> estimated;
-  if (rounds.has_value()) {
-    absl::StatusOr<EstimatedFrame> made = Estimated(job->spec, frame, *rounds, *units, pool);
-    if (!made.ok()) return made.status();
-    estimated = *std::move(made);
-    info.estimated_error = estimated->error;
-    info.schedule = rounds->schedule();
-    clock.Charge(StageClock::kFilter);
-  }
   if (absl::Status status = MakeFolder(folder.ResultsPath(job_id), folder.files()); !status.ok())
     return status;
-  absl::StatusOr<film::ResultWriter> result =
-      film::ResultWriter::Create(folder.ResultPath(job_id, frame), *film, info, folder.files());
-  if (!result.ok()) return result.status();
-  clock.Charge(StageClock::kWrite);
-  Finish finish(&*film, &*result, job->spec.filter().method(), pool, &clock);
-  const bool is_one_block = filter::BlockGrid(film->width(), film->height(), blocks).IsOneBlock();
-  const absl::Status written = estimated.has_value() ? finish.Filtered(std::move(estimated->last))
-                               : is_one_block        ? finish.Whole()
-                                                     : finish.InRows(blocks);
-  if (!written.ok()) return written;
-  if (absl::Status status = CheckOwner(store, owned); !status.ok()) return status;
-  if (absl::Status status = result->Finish(); !status.ok()) return status;
-  const absl::StatusOr<std::string> digest =
-      film::MakeResultDigest(folder.ResultPath(job_id, frame), folder.files());
+  const std::string path = folder.ResultPath(job_id, frame);
+  absl::StatusOr<v1::FrameReport> report = MakePicture(
+      {.spec = job->spec,
+       .frame = frame,
+       .numeric_class = job->numeric_class,
+       .units = *units,
+       .rounds = rounds.has_value() ? &*rounds : nullptr},
+      {.path = path, .files = folder.files(), .may_commit = [&] { return CheckOwner(store, owned); }}, pool,
+      now, blocks);
+  if (!report.ok()) return report;
+  const absl::StatusOr<std::string> digest = film::MakeResultDigest(path, folder.files());
   if (!digest.ok()) return digest.status();
-  clock.Charge(StageClock::kWrite);
-  v1::FrameReport report;
-  *report.mutable_times() = clock.Times();
-  if (info.estimated_error.has_value()) report.set_estimated_error(*info.estimated_error);
   return report;
 }
 

@@ -12,13 +12,10 @@
 
 namespace lumifold::server {
 
-/// Makes the result file of a committed frame: assembles the film from the committed units, filters it and
-/// writes the OpenEXR file. A frame of more than one of `blocks` is assembled and filtered block by block and
-/// written in bands of rows, so that memory holds one block, not the film. A repeated call writes the same
+/// Makes the result file of a committed frame by MakePicture, and its digest. A repeated call writes the same
 /// bytes. Returns the time of each stage, measured with `now`.
-/// Errors: kNotFound for an unknown job; kDataLoss naming the damaged or missing record; those of the filter;
-/// kUnavailable for a disk error; kAborted where the job has another owner by the end: then the result is not
-/// replaced.
+/// Errors: kNotFound for an unknown job; those of MakePicture; kAborted where the job has another owner by
+/// the end: then the result is not replaced.
 /// Threads: safe for different frames; the file does not depend on `pool`, which may be null.
 absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::JobStore& store,
                                             const ledger::OwnedJob& job, int32_t frame, TaskPool* pool,

@@ -16,32 +16,31 @@
 
 namespace lumifold::server {
 
-/// Runs FinishFrame and EstimateRound.
-/// Threads: Finish and Estimate from one thread at a time, so that at most one child process runs; the others
-/// from any.
+/// Runs FinishFrame and EstimateRound, on so many threads.
+/// Threads: safe; a frame is finished once at a time.
 class FrameFinisher {
  public:
   virtual ~FrameFinisher() = default;
 
   /// Writes the frame's result; blocks.
   /// Errors: as FinishFrame; kCancelled after Cancel, and after CancelJob of this job while it runs.
-  virtual absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame) = 0;
+  virtual absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame, int threads) = 0;
 
   /// Adds the estimate of a round to the frame's record; blocks.
   /// Errors: as EstimateRound; otherwise as Finish.
-  virtual absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round) = 0;
+  virtual absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) = 0;
 
-  /// Makes a running Finish or Estimate of this job return as soon as possible. No effect on later calls.
+  /// Makes every running Finish or Estimate of this job return as soon as possible. No effect on later calls.
   virtual void CancelJob(const job::JobId& job) = 0;
 
-  /// Makes a running Finish or Estimate return as soon as possible, and every later call at once.
+  /// Makes every running Finish or Estimate return as soon as possible, and every later call at once.
   virtual void Cancel() = 0;
 };
 
-/// Finishes frames in this process, on the calling thread and a pool of `threads`, at the priority of the
-/// process. Neither Cancel nor CancelJob interrupts a running Finish. `store` must outlive it.
+/// Finishes frames in this process, on the calling thread and others, at the priority of the process. Neither
+/// Cancel nor CancelJob interrupts a running Finish. `store` must outlive it.
 std::unique_ptr<FrameFinisher> MakeInProcessFinisher(const DataFolder& folder, ledger::JobStore* store,
-                                                     int threads, std::function<absl::Time()> now);
+                                                     std::function<absl::Time()> now);
 
 /// Whether finishing a frame failed for a cause that may go away: the process was killed, or there was no
 /// memory. kUnavailable, a disk or machine without space, descriptors or processes, is no failure of the

@@ -11,18 +11,17 @@ namespace {
 
 class InProcessFinisher final : public FrameFinisher {
  public:
-  InProcessFinisher(const DataFolder& folder, ledger::JobStore* store, int threads,
-                    std::function<absl::Time()> now)
-      : folder_(folder), store_(store), pool_(MakeTaskPool(threads)), now_(std::move(now)) {}
+  InProcessFinisher(const DataFolder& folder, ledger::JobStore* store, std::function<absl::Time()> now)
+      : folder_(folder), store_(store), now_(std::move(now)) {}
 
-  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame) override {
+  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame, int threads) override {
     if (cancelled_) return absl::CancelledError("the coordinator is stopping");
-    return FinishFrame(folder_, *store_, job, frame, pool_.get(), now_);
+    return FinishFrame(folder_, *store_, job, frame, MakeTaskPool(threads).get(), now_);
   }
 
-  absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round) override {
+  absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {
     if (cancelled_) return absl::CancelledError("the coordinator is stopping");
-    return EstimateRound(folder_, *store_, round, pool_.get(), now_);
+    return EstimateRound(folder_, *store_, round, MakeTaskPool(threads).get(), now_);
   }
 
   void CancelJob(const job::JobId&) override {}
@@ -31,7 +30,6 @@ class InProcessFinisher final : public FrameFinisher {
  private:
   const DataFolder folder_;
   ledger::JobStore* const store_;
-  const std::unique_ptr<TaskPool> pool_;
   const std::function<absl::Time()> now_;
   std::atomic<bool> cancelled_{false};
 };
@@ -39,8 +37,8 @@ class InProcessFinisher final : public FrameFinisher {
 }  // namespace
 
 std::unique_ptr<FrameFinisher> MakeInProcessFinisher(const DataFolder& folder, ledger::JobStore* store,
-                                                     int threads, std::function<absl::Time()> now) {
-  return std::make_unique<InProcessFinisher>(folder, store, threads, std::move(now));
+                                                     std::function<absl::Time()> now) {
+  return std::make_unique<InProcessFinisher>(folder, store, std::move(now));
 }
 
 }  // namespace lumifold::server

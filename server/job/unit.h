@@ -32,7 +32,8 @@ struct UnitRef {
 v1::UnitId ProtoFromUnit(const UnitRef& unit);
 UnitRef UnitFromProto(const v1::UnitId& id);
 
-/// "j-abc frame 1 tile 12 pass 3", "j-abc frame 1 tile 12 geometry" or "j-abc plan", for logs and errors.
+/// "j-abc frame 1 tile 12 pass 3", "j-abc frame 1 tile 12 geometry", "j-abc frame 1 result" or "j-abc plan",
+/// for logs and errors.
 std::string Describe(const UnitRef& unit);
 
 }  // namespace lumifold::job

@@ -20,7 +20,16 @@ struct TrafficMetrics {
   int64_t units_received = 0;
   int64_t assets_received = 0;  // uploads
   int64_t results_sent = 0;
-  int64_t assets_sent = 0;  // to workers
+  int64_t assets_sent = 0;       // to workers
+  int64_t units_sent = 0;        // to workers that finish frames
+  int64_t results_received = 0;  // from them
+};
+
+/// Frames that are rendered, and rounds of frames.
+struct FrameMetrics {
+  int64_t filtering = 0;   // here
+  int64_t on_workers = 0;  // that finish them
+  int64_t waiting = 0;     // for a place, or for a new try
 };
 
 struct StorageMetrics {
@@ -38,6 +47,7 @@ struct FarmMetrics {
   int64_t page_viewers = 0;     // browsers that watch the status page
   std::map<v1::WorkerState, int64_t> workers;
   std::map<v1::JobState, int64_t> jobs;  // active ones
+  FrameMetrics frames;
   int64_t blocked_names = 0;             // workers that operators or audits have blocked, connected or not
 
   // Since the coordinator's start.

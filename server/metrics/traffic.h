@@ -11,6 +11,8 @@ struct Traffic {
   std::atomic<int64_t> assets_received = 0;  // in uploads
   std::atomic<int64_t> results_sent = 0;
   std::atomic<int64_t> assets_sent = 0;
+  std::atomic<int64_t> units_sent = 0;        // to workers that finish frames
+  std::atomic<int64_t> results_received = 0;  // from them
 };
 
 }  // namespace lumifold::server

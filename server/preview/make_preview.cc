@@ -338,14 +338,18 @@ absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::st
   return part;
 }
 
-absl::StatusOr<v1::Preview> RunMakePreview(ChildProcess* process, const DataFolder& folder,
+absl::StatusOr<v1::Preview> RunMakePreview(ChildProcess* process, const DataFolder& folder, int threads,
                                            const job::JobId& job, int32_t frame,
                                            const PreviewRequest& request) {
   const std::string task = absl::StrCat("the preview of frame ", frame);
-  const absl::StatusOr<std::string> answer = process->Run(
-      kMakePreviewCommand, folder.root(),
-      {job.value(), absl::StrCat(frame), rpc::RectText(request.region), request.urgent ? kUrgent : ""}, job,
-      task);
+  const absl::StatusOr<std::string> answer =
+      process->Run({.command = kMakePreviewCommand,
+                    .root = folder.root(),
+                    .threads = threads,
+                    .arguments = {job.value(), absl::StrCat(frame), rpc::RectText(request.region),
+                                  request.urgent ? kUrgent : ""},
+                    .job = job,
+                    .task = task});
   if (!answer.ok()) return answer.status();
   v1::Preview preview;
   if (!preview.ParseFromString(*answer))

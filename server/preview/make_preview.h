@@ -55,7 +55,7 @@ absl::StatusOr<v1::Preview> MakePreview(const DataFolder& folder, ledger::JobSto
 absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::string& layer);
 
 /// MakePreview in a child process. Errors: also those of ChildProcess::Run.
-absl::StatusOr<v1::Preview> RunMakePreview(ChildProcess* process, const DataFolder& folder,
+absl::StatusOr<v1::Preview> RunMakePreview(ChildProcess* process, const DataFolder& folder, int threads,
                                            const job::JobId& job, int32_t frame,
                                            const PreviewRequest& request);
 /// First argument of the child process.

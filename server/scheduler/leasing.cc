@@ -12,7 +12,7 @@ using job::WorkerId;
 Leasing::Leasing(State* state) : state_(state), next_attempt_(state->options.first_attempt.value()) {}
 
 GrantedLease Leasing::Grant(const UnitIndex& unit, WorkerId worker, absl::Time now, Kind kind) {
-  const Attempt attempt(next_attempt_++);
+  const Attempt attempt = NextAttempt();
   const double slowness = state_->workers.Find(worker)->slowness;
   Lease lease{.unit = unit,
               .worker = worker,

@@ -34,6 +34,8 @@ class Leasing {
 
   /// Leases a unit, which is taken from the free ones, to a worker with a free slot.
   GrantedLease Grant(const UnitIndex& unit, job::WorkerId worker, absl::Time now, Kind kind);
+  /// A number above those of all leases so far, for a lease that is not of a unit.
+  job::Attempt NextAttempt() { return job::Attempt(next_attempt_++); }
   /// Ends a lease. Its unit is not returned, its slot not released.
   Lease Remove(job::Attempt attempt);
   /// Ends a lease and returns its unit if it may be leased again; then `reason` is counted, if there is one.

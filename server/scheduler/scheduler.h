@@ -47,6 +47,8 @@ class Scheduler {
   std::vector<GrantedLease> GrantLeases(job::WorkerId worker, absl::Time now) {
     return grants_.ToWorker(worker, now);
   }
+  /// See Leasing::NextAttempt.
+  job::Attempt NextAttempt() { return leasing_.NextAttempt(); }
   /// Ends what is over at `now`: leases (see LeaseWatch::Expire), pauses of units, audits that nobody can
   /// settle, and cool-downs of workers.
   std::vector<LateLease> ExpireLeases(absl::Time now);

@@ -91,7 +91,8 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
                                                                v1::UploadAssetResponse*) override {
     absl::StatusOr<AdmittedCall> call = gate_.AdmitStream(context, "UploadAsset", "");
     if (!call.ok()) return new Refused<grpc::ServerReadReactor<v1::UploadAssetRequest>>(call.status());
-    return new AssetReader(*std::move(call), parts_.submissions, parts_.traffic);
+    AssetTarget target(parts_.submissions, parts_.traffic, (*call)->limit_key());
+    return new AssetReader(*std::move(call), std::move(target));
   }
   grpc::ServerUnaryReactor* SubmitJob(grpc::CallbackServerContext* context,
                                       const v1::SubmitJobRequest* request,
@@ -250,7 +251,7 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
                                                           const v1::DownloadResultRequest* request) override {
     absl::StatusOr<AdmittedCall> call = AdmitStreamOfJob(context, "DownloadResult", request->job_id());
     if (!call.ok()) return new Refused<grpc::ServerWriteReactor<v1::ByteChunk>>(call.status());
-    auto* writer = new FileWriter(*std::move(call), &parts_.traffic->results_sent);
+    auto* writer = new FileWriter<rpc::ByteSender>(*std::move(call), &parts_.traffic->results_sent);
     writer->Start(parts_.jobs->OpenResult(*request));
     return writer;
   }

@@ -18,97 +18,46 @@
 #include "server/coordinator/roles.h"
 #include "server/job/job_state.h"
 #include "server/metrics/traffic.h"
+#include "server/services/file_reader.h"
 #include "server/services/unary_calls.h"
 
 /// Reactors of FarmService's streams. A reactor exists from the start of its call to OnDone, where it deletes
 /// itself.
 namespace lumifold::server {
 
-/// Receives an asset.
-class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
+/// An asset that is uploaded.
+class AssetTarget {
  public:
-  AssetReader(AdmittedCall call, SubmissionApi* submissions, Traffic* traffic)
-      : call_(std::move(call)), submissions_(submissions), traffic_(traffic) {
-    call_->SetEnd([this](const absl::Status& why) {
-      absl::MutexLock lock(&mutex_);
-      EndWith(why);
-    });
-    absl::MutexLock lock(&mutex_);
-    ReadNext();
-  }
+  AssetTarget(SubmissionApi* submissions, Traffic* traffic, std::string limit_key)
+      : submissions_(submissions), traffic_(traffic), limit_key_(std::move(limit_key)) {}
 
-  void OnReadDone(bool ok) override {
-    call_->PeerMoved(ok ? request_.chunk().data().size() : 0);
-    if (HasEnded()) {
-      upload_.reset();
-      return;
-    }
-    const absl::Status status = ok ? Take() : End();
-    const bool goes_on = ok && status.ok();
-    if (!goes_on)
-      upload_.reset();  // first, so that what has arrived is kept before the caller gets the error
-    absl::MutexLock lock(&mutex_);
-    if (!goes_on) {
-      EndWith(status);
-    } else if (!ended_) {
-      ReadNext();
-    }
-  }
-  void OnDone() override { delete this; }
-
- private:
-  bool HasEnded() {
-    absl::MutexLock lock(&mutex_);
-    return ended_;
-  }
-  void ReadNext() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    call_->AwaitPeer();
-    StartRead(&request_);
-  }
-  // A read that is under way then fails.
-  void EndWith(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    if (std::exchange(ended_, true)) return;
-    call_->End(status);
-    Finish(rpc::GrpcFromStatus(status));
-  }
-
-  absl::Status Take() {
-    if (request_.has_announce() == (upload_ != nullptr)) {
-      return absl::InvalidArgumentError(
-          "UploadAsset: the first message, and no other, must announce the asset");
-    }
-    if (upload_ != nullptr) {
-      traffic_->assets_received += static_cast<int64_t>(request_.chunk().data().size());
-      return submissions_->NoteError(upload_->Add(request_.chunk()));
-    }
-    sha256_ = request_.announce().sha256();
-    {
-      absl::MutexLock lock(&mutex_);  // the call may be ended meanwhile
-      call_->SetSubject(sha256_);
-    }
+  static std::string SubjectOf(const v1::UploadAssetRequest& request) { return request.announce().sha256(); }
+  absl::Status Announce(const v1::UploadAssetRequest& request) {
+    sha256_ = request.announce().sha256();
     absl::StatusOr<std::unique_ptr<AssetUpload>> upload =
-        submissions_->ReceiveAsset(request_.announce(), call_->limit_key());
+        submissions_->ReceiveAsset(request.announce(), limit_key_);
     absl::Status status = upload.status();
     if (upload.ok()) upload_ = *std::move(upload);
     return status;
   }
-
-  absl::Status End() {
-    if (upload_ == nullptr) return absl::InvalidArgumentError("UploadAsset: no asset was announced");
+  absl::Status Add(const v1::ByteChunk& chunk) {
+    traffic_->assets_received += static_cast<int64_t>(chunk.data().size());
+    return submissions_->NoteError(upload_->Add(chunk));
+  }
+  absl::Status Finish() {
     absl::Status stored = submissions_->NoteError(upload_->Finish());
     if (stored.ok()) submissions_->OnAssetStored(sha256_);
     return stored;
   }
 
-  const AdmittedCall call_;
+ private:
   SubmissionApi* const submissions_;
   Traffic* const traffic_;
-  v1::UploadAssetRequest request_;
+  const std::string limit_key_;
   std::string sha256_;
-  std::unique_ptr<AssetUpload> upload_;  // used by OnReadDone only, which runs on one thread at a time
-  absl::Mutex mutex_;
-  bool ended_ ABSL_GUARDED_BY(mutex_) = false;
+  std::unique_ptr<AssetUpload> upload_;
 };
+using AssetReader = FileReader<v1::UploadAssetRequest, AssetTarget>;
 
 /// Streams the status of a job. A slow caller may miss intermediate states, but gets the last one.
 class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, public JobWatcher {

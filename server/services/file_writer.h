@@ -9,7 +9,6 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "lumifold/v1/image.pb.h"
-#include "proto/rpc/byte_stream.h"
 #include "proto/rpc/status_codec.h"
 #include "server/services/unary_calls.h"
 
@@ -25,13 +24,14 @@ class Refused final : public Reactor {
   void OnDone() override { delete this; }
 };
 
-/// Streams a file to the caller, from Start on.
+/// Streams a file to the caller, from Start on. `Sender` has its pieces, as rpc::ByteSender.
+template <typename Sender>
 class FileWriter final : public grpc::ServerWriteReactor<v1::ByteChunk> {
  public:
   /// Adds the bytes that it has sent to `sent`, which must outlive it.
   FileWriter(AdmittedCall call, std::atomic<int64_t>* sent) : call_(std::move(call)), sent_(*sent) {}
 
-  void Start(absl::StatusOr<rpc::ByteSender> sender) {
+  void Start(absl::StatusOr<Sender> sender) {
     sender_ = std::move(sender);
     WriteNext();
   }
@@ -61,7 +61,7 @@ class FileWriter final : public grpc::ServerWriteReactor<v1::ByteChunk> {
 
   const AdmittedCall call_;
   std::atomic<int64_t>& sent_;
-  absl::StatusOr<rpc::ByteSender> sender_ = absl::UnknownError("not started");
+  absl::StatusOr<Sender> sender_ = absl::UnknownError("not started");
   v1::ByteChunk chunk_;
 };
 

@@ -1,12 +1,15 @@
 #include "server/services/worker_service.h"
 
 #include <deque>
+#include <memory>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/synchronization/mutex.h"
 #include "lumifold/v1/worker.grpc.pb.h"
+#include "proto/rpc/byte_stream.h"
 #include "proto/rpc/status_codec.h"
 #include "server/access/identity.h"
 #include "server/assets/asset_checks.h"
@@ -14,6 +17,7 @@
 #include "server/metrics/traffic.h"
 #include "server/services/call_gate.h"
 #include "server/services/farm_service.h"
+#include "server/services/file_reader.h"
 #include "server/services/file_writer.h"
 #include "server/services/unary_calls.h"
 #include "server/services/worker_session.h"
@@ -131,6 +135,30 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::C
   bool broken_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
+/// A result that a worker delivers.
+class ResultTarget {
+ public:
+  ResultTarget(WorkerApi* workers, std::string caller) : workers_(workers), caller_(std::move(caller)) {}
+
+  static std::string SubjectOf(const v1::DeliverResultRequest& request) {
+    return request.announce().unit().job_id();
+  }
+  absl::Status Announce(const v1::DeliverResultRequest& request) {
+    absl::StatusOr<std::unique_ptr<ResultUpload>> upload =
+        workers_->ReceiveResult(request.announce(), caller_);
+    absl::Status status = upload.status();
+    if (upload.ok()) upload_ = *std::move(upload);
+    return status;
+  }
+  absl::Status Add(const v1::ByteChunk& chunk) { return upload_->Add(chunk); }
+  absl::Status Finish() { return upload_->Finish(); }
+
+ private:
+  WorkerApi* const workers_;
+  const std::string caller_;
+  std::unique_ptr<ResultUpload> upload_;
+};
+
 class WorkerServiceAdapter final : public v1::WorkerService::CallbackService {
  public:
   WorkerServiceAdapter(WorkerApi* workers, Traffic* traffic, AssetChecks* checks, CallGate* gate)
@@ -158,7 +186,7 @@ class WorkerServiceAdapter final : public v1::WorkerService::CallbackService {
     absl::StatusOr<AdmittedCall> call = gate_.AdmitStream(context, "FetchAsset", request->job_id());
     if (!call.ok()) return new Refused<grpc::ServerWriteReactor<v1::ByteChunk>>(call.status());
     absl::Status allowed = workers_->CheckFetch(*request, access::KeyOf((*call)->caller()));
-    auto* writer = new FileWriter(*std::move(call), &traffic_->assets_sent);
+    auto* writer = new FileWriter<rpc::ByteSender>(*std::move(call), &traffic_->assets_sent);
     if (!allowed.ok()) {
       writer->Start(std::move(allowed));
       return writer;
@@ -167,6 +195,23 @@ class WorkerServiceAdapter final : public v1::WorkerService::CallbackService {
       writer->Start(checked.ok() ? workers_->OpenAsset(*request) : checked);
     });
     return writer;
+  }
+
+  grpc::ServerWriteReactor<v1::ByteChunk>* FetchUnits(grpc::CallbackServerContext* context,
+                                                      const v1::FetchUnitsRequest* request) override {
+    absl::StatusOr<AdmittedCall> call = gate_.AdmitStream(context, "FetchUnits", request->unit().job_id());
+    if (!call.ok()) return new Refused<grpc::ServerWriteReactor<v1::ByteChunk>>(call.status());
+    const std::string caller = access::KeyOf((*call)->caller());
+    auto* writer = new FileWriter<UnitSender>(*std::move(call), &traffic_->units_sent);
+    writer->Start(workers_->OpenUnits(*request, caller));
+    return writer;
+  }
+  grpc::ServerReadReactor<v1::DeliverResultRequest>* DeliverResult(grpc::CallbackServerContext* context,
+                                                                   v1::DeliverResultResponse*) override {
+    absl::StatusOr<AdmittedCall> call = gate_.AdmitStream(context, "DeliverResult", "");
+    if (!call.ok()) return new Refused<grpc::ServerReadReactor<v1::DeliverResultRequest>>(call.status());
+    ResultTarget target(workers_, access::KeyOf((*call)->caller()));
+    return new FileReader<v1::DeliverResultRequest, ResultTarget>(*std::move(call), std::move(target));
   }
 
  private:

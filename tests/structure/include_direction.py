@@ -39,6 +39,8 @@ RULES = [
     Rule("worker/plan/", PROTO + r"|embree[34]/|filter/(?!image/)",
          "a plan knows the renderer and its scene alone"),
     Rule("worker/scene/", PROTO, "scenes know no wire formats"),
+    Rule("worker/", r"server/", "workers share with the coordinator what makes a frame of its units",
+         r"server/(job|film|picture)/"),
     Rule("server/scheduler/", IMPURE, "the scheduler is pure state: no threads, no clock; time is an argument"),
     Rule("client/autoscale/policy/", IMPURE + FILES,
          "the autoscaler's policy is pure: no threads, no clock, no files"),

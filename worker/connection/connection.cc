@@ -180,6 +180,8 @@ v1::WorkerMessage MakeHello(const WorkerOptions& options, const LeaseRunner& wor
   hello->set_wire_version(rpc::kWireVersion);
   for (const std::string& tag : options.tags) hello->add_tags(tag);
   hello->set_instance(worker.instance());
+  hello->set_finishes(options.finishes);
+  hello->set_finish_memory_bytes(options.finish_memory_bytes);
   return message;
 }
 
@@ -404,7 +406,9 @@ class Worker {
             &fetched_,
             {.path = options.asset_folder, .max_bytes = options.asset_folder_bytes, .log = options.log.log}),
         spec_source_(MakeRemoteSpecSource(&current_, options.log.labels)),
-        impl_(options.threads, &specs_, &renderer_, options.log) {}
+        frame_link_(MakeRemoteFrameLink(&current_, options.log.labels)),
+        impl_(options.threads, &specs_, &renderer_, options.log,
+              {.link = frame_link_.get(), .numeric_class = render::NumericClass()}) {}
 
   absl::Status Run(const Coordinators& coordinators, const threads::Event& stop) {
     std::unique_ptr<monitoring::Endpoint> endpoint;
@@ -445,6 +449,7 @@ class Worker {
   UnitRenderer renderer_{&cache_};
   const std::unique_ptr<SpecSource> spec_source_;
   SpecCache specs_{spec_source_.get()};
+  const std::unique_ptr<FrameLink> frame_link_;
   LeaseRunner impl_;
 };
 

@@ -28,6 +28,10 @@ struct WorkerOptions {
   int threads = 1;
   /// What the machine has or may be used for; see v1::Hello.
   std::vector<std::string> tags = {};
+  /// Frames that it finishes at a time for the coordinator, each on one of its threads, and the memory that
+  /// they may take together. 0: none.
+  int finishes = 0;
+  uint64_t finish_memory_bytes = 0;
   WorkerLog log = SilentLog();
   /// Where assets are kept for other workers of this machine and later ones, see AssetFolder; empty: in
   /// memory alone.

@@ -9,6 +9,7 @@
 #include "absl/time/time.h"
 #include "lumifold/v1/worker.grpc.pb.h"
 #include "proto/rpc/checksum.h"
+#include "proto/rpc/monotonic.h"
 #include "proto/rpc/retry.h"
 #include "proto/rpc/sha256.h"
 #include "proto/rpc/status_codec.h"
@@ -17,7 +18,7 @@
 namespace lumifold::worker {
 namespace {
 
-/// Time limit of one transfer of an asset; large scenes may be sent over slow networks.
+/// Time limit of one transfer of an asset or of a frame's units; they may be large, and the network slow.
 constexpr absl::Duration kAssetTimeout = absl::Minutes(10);
 /// A spec has at most 4 MiB. Its leases expire meanwhile if the coordinator does not answer.
 const rpc::RetryPolicy kSpecPolicy = {.try_timeout = absl::Seconds(30), .total_timeout = absl::Seconds(60)};
@@ -125,7 +126,83 @@ class RemoteSpecSource final : public SpecSource {
   const std::shared_ptr<logging::JobLabels> labels_;
 };
 
+class RemoteFrameLink final : public FrameLink {
+ public:
+  RemoteFrameLink(const CurrentCoordinator* coordinator, std::shared_ptr<logging::JobLabels> labels)
+      : coordinator_(coordinator), labels_(std::move(labels)) {}
+
+  absl::Status FetchUnits(const v1::Lease& lease,
+                          absl::FunctionRef<absl::Status(const v1::ByteChunk&)> take) override {
+    return Call(lease, [&](v1::WorkerService::Stub& stub, const std::string& worker_id,
+                           grpc::ClientContext& context) {
+      v1::FetchUnitsRequest request;
+      request.set_worker_id(worker_id);
+      *request.mutable_unit() = lease.unit();
+      request.set_attempt(lease.attempt());
+      const std::unique_ptr<grpc::ClientReader<v1::ByteChunk>> reader = stub.FetchUnits(&context, request);
+      v1::ByteChunk chunk;
+      while (reader->Read(&chunk)) {
+        if (absl::Status status = take(chunk); !status.ok()) {
+          context.TryCancel();
+          reader->Finish();
+          return status;
+        }
+      }
+      return rpc::StatusFromGrpc(reader->Finish());
+    });
+  }
+
+  absl::Status DeliverResult(const v1::Lease& lease, const v1::StageTimes& times,
+                             absl::FunctionRef<absl::StatusOr<bool>(v1::ByteChunk*)> next) override {
+    return Call(lease, [&](v1::WorkerService::Stub& stub, const std::string& worker_id,
+                           grpc::ClientContext& context) {
+      v1::DeliverResultResponse response;
+      const std::unique_ptr<grpc::ClientWriter<v1::DeliverResultRequest>> writer =
+          stub.DeliverResult(&context, &response);
+      v1::DeliverResultRequest request;
+      request.mutable_announce()->set_worker_id(worker_id);
+      *request.mutable_announce()->mutable_unit() = lease.unit();
+      request.mutable_announce()->set_attempt(lease.attempt());
+      *request.mutable_announce()->mutable_times() = times;
+      bool goes_on = writer->Write(request);
+      while (goes_on) {
+        const absl::StatusOr<bool> has_next = next(request.mutable_chunk());
+        if (!has_next.ok()) {
+          context.TryCancel();
+          writer->Finish();
+          return has_next.status();
+        }
+        if (!*has_next) break;
+        goes_on = writer->Write(request);
+      }
+      if (goes_on) writer->WritesDone();
+      return rpc::StatusFromGrpc(writer->Finish());
+    });
+  }
+
+ private:
+  using Body = absl::FunctionRef<absl::Status(v1::WorkerService::Stub&, const std::string& worker_id,
+                                              grpc::ClientContext& context)>;
+
+  absl::Status Call(const v1::Lease& lease, Body body) const {
+    grpc::ClientContext context;
+    context.set_deadline(rpc::MonotonicDeadline(kAssetTimeout));
+    AddTrace(*labels_, lease.unit().job_id(), &context);
+    return CallCurrent(*coordinator_, [&](v1::WorkerService::Stub& stub, const std::string& worker_id) {
+      return body(stub, worker_id, context);
+    });
+  }
+
+  const CurrentCoordinator* const coordinator_;
+  const std::shared_ptr<logging::JobLabels> labels_;
+};
+
 }  // namespace
+
+std::unique_ptr<FrameLink> MakeRemoteFrameLink(const CurrentCoordinator* coordinator,
+                                               std::shared_ptr<logging::JobLabels> labels) {
+  return std::make_unique<RemoteFrameLink>(coordinator, std::move(labels));
+}
 
 std::unique_ptr<AssetSource> MakeRemoteAssetSource(const CurrentCoordinator* coordinator,
                                                    std::shared_ptr<logging::JobLabels> labels) {

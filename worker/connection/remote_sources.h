@@ -10,6 +10,7 @@
 #include "proto/logging/job_labels.h"
 #include "worker/cache/asset_source.h"
 #include "worker/cache/spec_cache.h"
+#include "worker/finish/frame_link.h"
 
 namespace grpc {
 class Channel;
@@ -59,5 +60,9 @@ std::unique_ptr<AssetSource> MakeRemoteAssetSource(const CurrentCoordinator* coo
 /// The same for specs.
 std::unique_ptr<SpecSource> MakeRemoteSpecSource(const CurrentCoordinator* coordinator,
                                                  std::shared_ptr<logging::JobLabels> labels);
+
+/// Its link for frames that it finishes. A broken transfer is not tried again: the lease ends with it.
+std::unique_ptr<FrameLink> MakeRemoteFrameLink(const CurrentCoordinator* coordinator,
+                                               std::shared_ptr<logging::JobLabels> labels);
 
 }  // namespace lumifold::worker

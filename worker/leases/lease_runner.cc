@@ -13,6 +13,7 @@
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/trace_context.h"
 #include "spdlog/spdlog.h"
+#include "worker/finish/finish_frame.h"
 #include "worker/units/unit_messages.h"
 
 namespace lumifold::worker {
@@ -20,6 +21,8 @@ namespace {
 
 std::string Describe(const v1::UnitId& unit) {
   if (unit.kind() == v1::UNIT_KIND_PLAN) return absl::StrCat("job=", unit.job_id(), " kind=plan");
+  if (unit.kind() == v1::UNIT_KIND_RESULT)
+    return absl::StrCat("job=", unit.job_id(), " frame=", unit.frame(), " kind=result");
   return absl::StrCat("job=", unit.job_id(), " frame=", unit.frame(), " tile=", unit.tile(),
                       " pass=", unit.pass(),
                       " kind=", unit.kind() == v1::UNIT_KIND_GEOMETRY ? "geometry" : "pass");
@@ -57,9 +60,11 @@ uint64_t RandomInstance() {
 
 }  // namespace
 
-LeaseRunner::LeaseRunner(int threads, SpecCache* specs, UnitRenderer* renderer, WorkerLog log)
+LeaseRunner::LeaseRunner(int threads, SpecCache* specs, UnitRenderer* renderer, WorkerLog log,
+                         FrameWork frames)
     : specs_(specs),
       renderer_(renderer),
+      frames_(std::move(frames)),
       log_(std::move(log)),
       instance_(RandomInstance()),
       activities_(threads, rpc::MonotonicNow()),
@@ -263,8 +268,22 @@ void LeaseRunner::Work(const TakenPtr& taken) {
   const v1::UnitId& unit = taken->lease.unit();
   const absl::StatusOr<std::shared_ptr<const v1::JobSpec>> spec = specs_->Get(unit.job_id(), unit.kind());
   if (!spec.ok()) return absl::IsNotFound(spec.status()) ? EndJobOf(taken) : Fail(taken, spec.status());
+  if (unit.kind() == v1::UNIT_KIND_RESULT) return Finish(taken, **spec);
   const absl::StatusOr<RenderedUnit> rendered = renderer_->Render(**spec, taken->lease, &taken->control);
   rendered.ok() ? Deliver(taken, *rendered) : Fail(taken, rendered.status());
+}
+
+void LeaseRunner::Finish(const TakenPtr& taken, const v1::JobSpec& spec) {
+  const absl::Status finished =
+      frames_.link == nullptr
+          ? absl::UnimplementedError("this worker finishes no frames")
+          : FinishFrame(spec, frames_.numeric_class, taken->lease, frames_.link, &taken->control);
+  if (!finished.ok()) return Fail(taken, finished);
+  absl::MutexLock lock(&mutex_);
+  const v1::Lease& lease = taken->lease;
+  log_.log->info("event=frame_finished {}", Describe(lease.unit()));
+  ++totals_.frames_finished;
+  units_.RemoveHeld([&](const v1::Lease& held) { return IsLease(held, lease.unit(), lease.attempt()); });
 }
 
 void LeaseRunner::Fail(const TakenPtr& taken, const absl::Status& failure) {

@@ -12,6 +12,7 @@
 #include "absl/time/time.h"
 #include "lumifold/v1/worker.pb.h"
 #include "worker/cache/spec_cache.h"
+#include "worker/finish/frame_link.h"
 #include "worker/leases/held_units.h"
 #include "worker/leases/thread_account.h"
 #include "worker/leases/thread_activities.h"
@@ -29,6 +30,12 @@ class Outbox {
   virtual void Send(v1::WorkerMessage message) = 0;
 };
 
+/// How a worker finishes frames.
+struct FrameWork {
+  FrameLink* link = nullptr;  // null: it finishes none
+  std::string numeric_class;  // the worker's
+};
+
 /// The worker's side of the protocol, independent of the network: handles the coordinator's messages, renders
 /// units on its threads and sends the results. Leases belong to a connection: when it is lost they are void.
 /// A unit whose lease is void is no longer rendered.
@@ -41,8 +48,8 @@ class Outbox {
 /// Threads: all calls are safe concurrently.
 class LeaseRunner {
  public:
-  /// `specs` and `renderer` must outlive it. threads >= 1.
-  LeaseRunner(int threads, SpecCache* specs, UnitRenderer* renderer, WorkerLog log);
+  /// `specs`, `renderer` and the link of `frames` must outlive it. threads >= 1.
+  LeaseRunner(int threads, SpecCache* specs, UnitRenderer* renderer, WorkerLog log, FrameWork frames = {});
   /// Waits for its threads, which end at the next row of pixels or file of a scene.
   ~LeaseRunner();
 
@@ -99,8 +106,9 @@ class LeaseRunner {
   void OnMove(const v1::Move& move) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void BeginToLeave(const std::string& reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  /// Renders a unit and delivers it.
+  /// Renders a unit, or finishes a frame, and delivers it.
   void Work(const TakenPtr& taken);
+  void Finish(const TakenPtr& taken, const v1::JobSpec& spec);
   /// Rendering has failed. Reports it, unless the lease is void: then the failure may come of that.
   void Fail(const TakenPtr& taken, const absl::Status& failure);
   /// The job of the unit has ended, and the message that says so is on its way.
@@ -116,6 +124,7 @@ class LeaseRunner {
 
   SpecCache* const specs_;
   UnitRenderer* const renderer_;
+  const FrameWork frames_;
   const WorkerLog log_;
   const uint64_t instance_;
   std::vector<std::thread> threads_;

@@ -20,6 +20,7 @@ std::vector<prometheus::MetricFamily> FamiliesOf(const WorkerMetrics& metrics) {
               number(metrics.connections)),
       GaugeBy("state", "lumifold_worker_leases", "Leases that this worker holds.", numbers(metrics.leases)),
       Counter("lumifold_worker_units_rendered_total", "Units rendered.", number(metrics.units_rendered)),
+      Counter("lumifold_worker_frames_finished_total", "Frames finished.", number(metrics.frames_finished)),
       CounterBy("reason", "lumifold_worker_unit_failures_total",
                 "Units that could not be rendered, or were refused.", numbers(metrics.failures)),
       Counter("lumifold_worker_samples_total", "Camera samples of rendered units.", number(metrics.samples)),

@@ -22,6 +22,7 @@ struct WorkerMetrics {
   // Since the worker's start.
   int64_t connections = 0;  // on which a coordinator has admitted it
   int64_t units_rendered = 0;
+  int64_t frames_finished = 0;
   std::map<std::string, int64_t> failures;  // units, by reason
   int64_t samples = 0;                      // camera samples of rendered units
   int64_t rays = 0;                         // of rendered units, to lights too

@@ -59,6 +59,8 @@ export function showFacts(elements, job, left) {
   const facts = [`${job.width} × ${job.height}`, `${job.samples_per_pixel} samples`,
     `${job.units_done} of ${job.units_total} units`];
   if (job.frames_total > 1) facts.push(`${job.frames_done} of ${job.frames_total} frames`);
+  if (job.frames_filtering) facts.push(`${job.frames_filtering} in the filter`);
+  if (job.frames_waiting) facts.push(`${job.frames_waiting} waiting for it`);
   if (job.workers) facts.push(`${job.workers} ${job.workers === 1 ? "worker" : "workers"}`);
   if (job.estimated_error !== undefined) facts.push(`error ${Number(job.estimated_error).toPrecision(3)}`);
   if (!hasEnded(job) && left !== null) facts.push(`${duration(left)} left`);

@@ -139,7 +139,14 @@ TEST(ProgressOf, CountsSamplesWhileRenderingAlone) {
   EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_RUNNING, 30)).total, 100);
   EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_PLANNED)).total, 0);
   EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_FILTERING, 100)).total, 0);
-  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_FILTERING, 100)).stage, "filtering");
+  v1::JobStatus filtering = Job(v1::JOB_STATE_FILTERING, 100);
+  EXPECT_EQ(ProgressOf(filtering).stage, "filtering");
+  filtering.set_frames_filtering(2);
+  EXPECT_EQ(ProgressOf(filtering).note, "") << "of one frame there is nothing to tell";
+  filtering.set_frames_total(12);
+  EXPECT_EQ(ProgressOf(filtering).note, "2 in the filter");
+  filtering.set_frames_waiting(4);
+  EXPECT_EQ(ProgressOf(filtering).note, "2 in the filter, 4 waiting");
 }
 
 }  // namespace

@@ -163,8 +163,8 @@ absl::Status CoordinatorFixture::Start() {
   store_ = wrap_store_ ? wrap_store_(*std::move(store)) : *std::move(store);
   assets_ = std::make_unique<AssetStore>(data_.AssetsPath(), data_.IncomingPath(), nullptr, &files_);
   finisher_ =
-      make_finisher_ ? make_finisher_() : MakeInProcessFinisher(data_, store_.get(), 1, rpc::MonotonicNow);
-  options_.finish_pause = absl::Milliseconds(1);
+      make_finisher_ ? make_finisher_() : MakeInProcessFinisher(data_, store_.get(), rpc::MonotonicNow);
+  options_.finishing.pause = absl::Milliseconds(1);
   options_.now = rpc::MonotonicNow;
   options_.wall_now = [] { return absl::Now(); };
   options_.random = [this] { return std::hash<std::string>()(folder_.path()) + ++random_; };

@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "server/coordinator/frame_queue.h"
 #include "server/coordinator/job_table.h"
 #include "server/coordinator/watchers.h"
 #include "server/coordinator/worker_table.h"
@@ -19,78 +18,6 @@ using testing::ElementsAre;
 using testing::IsEmpty;
 
 const absl::Time kNow = absl::FromUnixSeconds(1000);
-constexpr absl::Duration kPause = absl::Seconds(5);
-
-DueFrame Frame(int32_t number, int round = DueFrame::kResult) {
-  return {.job = JobId("j-1"), .number = number, .round = round};
-}
-
-TEST(FrameQueue, TakesFramesInTheirOrderEachOnce) {
-  FrameQueue queue(kPause);
-  EXPECT_FALSE(queue.TakeNews());
-  queue.Push(Frame(2));
-  queue.Push(Frame(1));
-  queue.Push(Frame(2));
-  queue.Push(Frame(2, 0));  // the estimate of a round is another thing than the result
-  EXPECT_TRUE(queue.TakeNews());
-  EXPECT_FALSE(queue.TakeNews());
-  std::vector<std::pair<int32_t, int>> taken;
-  while (const std::optional<DueFrame> frame = queue.TakeDue(kNow))
-    taken.emplace_back(frame->number, frame->round);
-  EXPECT_THAT(taken,
-              ElementsAre(std::pair(2, DueFrame::kResult), std::pair(1, DueFrame::kResult), std::pair(2, 0)));
-}
-
-TEST(FrameQueue, PausesGrowWithFailuresUntilTheThird) {
-  FrameQueue queue(kPause);
-  DueFrame frame = Frame(1);
-  ASSERT_TRUE(queue.Retry(&frame, kNow));
-  EXPECT_EQ(queue.NextDue(kNow), kNow + kPause);
-  EXPECT_FALSE(queue.TakeDue(kNow + kPause - absl::Milliseconds(1)).has_value());
-  frame = *queue.TakeDue(kNow + kPause);
-  ASSERT_TRUE(queue.Retry(&frame, kNow));
-  EXPECT_EQ(queue.NextDue(kNow), kNow + 4 * kPause);
-  frame = *queue.TakeDue(kNow + 4 * kPause);
-  EXPECT_FALSE(queue.Retry(&frame, kNow));
-  EXPECT_EQ(queue.NextDue(kNow), absl::InfiniteFuture());
-}
-
-TEST(FrameQueue, WaitsForTheStorageAsOftenAsItMust) {
-  FrameQueue queue(kPause);
-  DueFrame frame = Frame(1);
-  std::vector<absl::Duration> pauses;
-  for (int i = 0; i < 4; ++i) {
-    queue.AwaitStorage(&frame, kNow);
-    pauses.push_back(queue.NextDue(kNow) - kNow);
-    frame = *queue.TakeDue(absl::InfiniteFuture());
-  }
-  EXPECT_THAT(pauses, ElementsAre(kPause, 4 * kPause, absl::Minutes(1), absl::Minutes(1)));
-  for (int i = 0; i < 100; ++i) {
-    queue.AwaitStorage(&frame, kNow);
-    frame = *queue.TakeDue(absl::InfiniteFuture());
-  }
-  EXPECT_EQ(frame.failures, 0) << "it is no failure of the frame";
-  ASSERT_TRUE(queue.Retry(&frame, kNow));
-  EXPECT_EQ(queue.NextDue(kNow), kNow + kPause);
-}
-
-TEST(FrameQueue, KnowsWhatTheFinisherHas) {
-  FrameQueue queue(kPause);
-  const FrameKey first = Frame(1).key();
-  queue.MarkStale(first);
-  queue.Begin(first);
-  EXPECT_FALSE(queue.result_is_stale()) << "of the time before";
-  EXPECT_TRUE(queue.IsFinishing(JobId("j-1")));
-  EXPECT_FALSE(queue.IsFinishing(JobId("j-2")));
-  queue.MarkStale(Frame(2).key());
-  EXPECT_FALSE(queue.result_is_stale());
-  queue.MarkStale(first);
-  EXPECT_TRUE(queue.result_is_stale());
-  queue.End();
-  EXPECT_FALSE(queue.IsFinishing(JobId("j-1")));
-  queue.Begin(first);
-  EXPECT_FALSE(queue.result_is_stale()) << "it is finished again";
-}
 
 class CountingWatcher final : public JobWatcher {
  public:

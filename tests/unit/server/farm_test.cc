@@ -261,7 +261,7 @@ TEST_F(FarmTest, SaysEachCauseThatHoldsAJobUp) {
   EXPECT_GT(farm_.LeasesWanted(job), 0);
 }
 
-TEST_F(FarmTest, SaysHowManyFramesAreFinishedBeforeThoseOfAJob) {
+TEST_F(FarmTest, SaysWhichFramesOfAJobAreInTheFilterAndHowManyWaitForIt) {
   const JobId job = Start("j-1");
   const auto queue = [&](const std::string& id, int32_t number, absl::Duration until_due, int failures) {
     farm_.frames.Push(
@@ -277,11 +277,13 @@ TEST_F(FarmTest, SaysHowManyFramesAreFinishedBeforeThoseOfAJob) {
     return found;
   };
   EXPECT_THAT(reasons(), IsEmpty());
+  Start("j-9");
   queue("j-9", 7, absl::Seconds(9), 0);  // it waits for the storage, and nobody for it
   queue("j-1", 1, absl::Seconds(5), 0);
-  EXPECT_THAT(reasons(), ElementsAre("filter_queue: frame 1 waits for the filter, 0 frames of this and other "
-                                     "jobs before it"));
+  EXPECT_THAT(reasons(), ElementsAre("filter_queue: frame 1 waits for the filter, which has 0 frames of this "
+                                     "and other jobs; 0 wait"));
   farm_.frames.ForgetJob(job);
+  farm_.frames.AddJob(job, {});
   queue("j-9", 8, absl::ZeroDuration(), 0);
   queue("j-1", 3, absl::Milliseconds(2500), 2);
   queue("j-1", 2, absl::ZeroDuration(), 2);
@@ -289,7 +291,18 @@ TEST_F(FarmTest, SaysHowManyFramesAreFinishedBeforeThoseOfAJob) {
   EXPECT_THAT(
       reasons(),
       ElementsAre("filter_retry: the filter of frame 3 failed 2 times and is tried again in 3 s",
-                  "filter_queue: frame 2 waits for the filter, 1 frames of this and other jobs before it"));
+                  "filter_queue: frame 2 waits for the filter, which has 0 frames of this and other jobs; 3 "
+                  "wait"));
+  ASSERT_EQ(farm_.frames.Begin(now_)->due.job, JobId("j-9"));
+  farm_.frames.End({JobId("j-9"), 8}, now_);
+  ASSERT_EQ(farm_.frames.Begin(now_)->due.number, 2);
+  now_ += absl::Seconds(2);
+  EXPECT_THAT(
+      reasons(),
+      ElementsAre("filter_running: frame 2 has been in the filter for 2 s, on 1 thread",
+                  "filter_retry: the filter of frame 3 failed 2 times and is tried again in 1 s",
+                  "filter_queue: frame 4 waits for the filter, which has 1 frames of this and other jobs; 1 "
+                  "wait"));
 }
 
 TEST_F(FarmTest, CountsWhatACommittedUnitAddsToItsJobAlsoWhileThatEnds) {
@@ -342,6 +355,99 @@ TEST_F(FarmTest, CountsWhatACommittedUnitAddsToItsJobAlsoWhileThatEnds) {
   EXPECT_EQ(ended.done.units, 2);
   EXPECT_EQ(ended.done.samples, samples + 30);
   EXPECT_EQ(ended.done.bad_samples, 5);
+}
+
+class FarmFinishTest : public FarmTest {
+ protected:
+  /// Three jobs whose only frame is rendered, and a worker that finishes frames.
+  FarmFinishTest() {
+    worker_ = Connect("worker", 64);
+    farm_.finish_leases.AddWorker(worker_,
+                                  {.numeric_class = "c", .places = 1, .memory_bytes = uint64_t{1} << 40});
+    for (const char* id : {"j-1", "j-2", "j-3"}) Start(id);
+    for (const v1::Lease& lease : std::vector<v1::Lease>(sinks_["worker"].leases)) {
+      AcceptedUnit unit;
+      unit.stored.unit = job::UnitFromProto(lease.unit());
+      farm_.scheduler.units().Complete(worker_, unit.stored.unit, job::Attempt(lease.attempt()), now_, "");
+      farm_.CountCommitted(unit);
+    }
+    sinks_["worker"].leases.clear();
+  }
+
+  /// The lease to finish a frame that the worker got last.
+  const v1::Lease& Last() { return sinks_["worker"].leases.back(); }
+  bool Holds(const JobId& job) {
+    return farm_.finish_leases.Find(worker_, {job, 0}, job::Attempt(Last().attempt())) != nullptr;
+  }
+
+  job::WorkerId worker_;
+  const JobId first_{"j-1"};
+  const JobId second_{"j-2"};
+};
+
+TEST_F(FarmFinishTest, AFrameWithoutAPlaceGoesToAWorkerThatHasOne) {
+  const std::optional<RunningFrame> here = farm_.BeginFrame(now_);
+  ASSERT_TRUE(here.has_value());
+  EXPECT_EQ(here->worker, std::nullopt);
+  const std::optional<RunningFrame> away = farm_.BeginFrame(now_);
+  ASSERT_TRUE(away.has_value());
+  EXPECT_EQ(away->worker, worker_);
+  EXPECT_EQ(away->due.job, second_);
+  EXPECT_EQ(Last().unit().job_id(), "j-2");
+  EXPECT_EQ(Last().unit().kind(), v1::UNIT_KIND_RESULT);
+  EXPECT_TRUE(Holds(second_));
+  EXPECT_FALSE(farm_.BeginFrame(now_).has_value()) << "neither has a place left";
+  EXPECT_EQ(farm_.StatusOf(second_)->frames_filtering(), 1);
+  EXPECT_EQ(farm_.StatusOf(JobId("j-3"))->frames_waiting(), 1);
+  v1::ExplainJobResponse response;
+  ExplainWaiting(farm_, second_, now_ + absl::Seconds(3), &response);
+  EXPECT_EQ(response.reasons(response.reasons_size() - 1).text(),
+            "frame 0 has been with worker w-1/worker for 3 s, which filters it");
+}
+
+TEST_F(FarmFinishTest, WhatAWorkerDoesNotFinishComesBack) {
+  farm_.BeginFrame(now_);
+  farm_.BeginFrame(now_);
+  now_ += absl::Seconds(30);
+  farm_.frames.End({first_, 0}, now_);
+  EXPECT_EQ(farm_.BeginFrame(now_)->due.job, JobId("j-3")) << "it has had less";
+  EXPECT_FALSE(Holds(second_)) << "the lease has expired";
+  EXPECT_EQ(sinks_["worker"].revoked.back().unit().kind(), v1::UNIT_KIND_RESULT);
+  EXPECT_EQ(farm_.finish_leases.size(), 0);
+  EXPECT_FALSE(farm_.BeginFrame(now_).has_value()) << "it stays here now";
+  farm_.frames.End({JobId("j-3"), 0}, now_);
+  EXPECT_EQ(farm_.BeginFrame(now_)->due.job, second_);
+}
+
+TEST_F(FarmFinishTest, TheEndOfAJobEndsItsLease) {
+  farm_.BeginFrame(now_);
+  farm_.BeginFrame(now_);
+  farm_.EndJob(second_, v1::JOB_STATE_CANCELLED, "");
+  EXPECT_EQ(farm_.finish_leases.size(), 0);
+  EXPECT_FALSE(farm_.frames.IsFinishing(second_));
+  EXPECT_EQ(farm_.BeginFrame(now_)->due.job, JobId("j-3"));
+}
+
+TEST_F(FarmFinishTest, ABlockedWorkerHasNoFrames) {
+  farm_.BeginFrame(now_);
+  farm_.BeginFrame(now_);
+  farm_.scheduler.workers().Block("worker", "it delivered wrong pixels");
+  EXPECT_FALSE(farm_.BeginFrame(now_).has_value());
+  EXPECT_EQ(farm_.finish_leases.size(), 0);
+  EXPECT_EQ(farm_.StatusOf(second_)->frames_waiting(), 1);
+}
+
+TEST_F(FarmFinishTest, AJobWithAuditsIsFinishedByItsCoordinator) {
+  farm_.jobs.FindActive(second_)->record.scheduling.set_audit_share(.1);
+  farm_.frames.ForgetJob(second_);
+  farm_.frames.AddJob(second_, {});
+  farm_.QueueDue({second_, 0});
+  farm_.finish_leases.AddWorker(worker_,
+                                {.numeric_class = "c", .places = 9, .memory_bytes = uint64_t{1} << 40});
+  farm_.BeginFrame(now_);
+  EXPECT_EQ(farm_.BeginFrame(now_)->due.job, JobId("j-3"));
+  EXPECT_FALSE(farm_.BeginFrame(now_).has_value());
+  EXPECT_EQ(farm_.StatusOf(second_)->frames_waiting(), 1);
 }
 
 TEST_F(FarmTest, TheEndOfAJobLeavesNothingOfItBehind) {

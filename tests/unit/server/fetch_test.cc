@@ -39,6 +39,28 @@ class FetchTest : public FarmFixture {
     return reader->Finish();
   }
 
+  /// Units and result of a frame, as a worker that finishes it asks for them and delivers them.
+  grpc::Status FetchUnits(const std::string& worker_id, const std::string& job_id) {
+    v1::FetchUnitsRequest request;
+    request.set_worker_id(worker_id);
+    request.mutable_unit()->set_job_id(job_id);
+    request.mutable_unit()->set_kind(v1::UNIT_KIND_RESULT);
+    request.set_attempt(1);
+    grpc::ClientContext context;
+    const auto reader = v1::WorkerService::NewStub(Channel())->FetchUnits(&context, request);
+    v1::ByteChunk chunk;
+    EXPECT_FALSE(reader->Read(&chunk));
+    return reader->Finish();
+  }
+  grpc::Status DeliverResult(const v1::DeliverResultRequest& request) {
+    grpc::ClientContext context;
+    v1::DeliverResultResponse response;
+    const auto writer = v1::WorkerService::NewStub(Channel())->DeliverResult(&context, &response);
+    writer->Write(request);
+    writer->WritesDone();
+    return writer->Finish();
+  }
+
   /// Stores content that no job has; its SHA-256.
   std::string StoreOther() {
     const std::string content = "a scene of somebody else";
@@ -49,6 +71,25 @@ class FetchTest : public FarmFixture {
     return asset.sha256();
   }
 };
+
+TEST_F(FetchTest, UnitsAndResultsOfAFrameAreForTheWorkerThatHasTheLeaseToFinishIt) {
+  const std::string job = *Submit(Spec());
+  HoldingWorker worker(Channel());
+  ASSERT_EQ(worker.AwaitGrant(), job);  // of units, with the same attempt
+  for (const std::string& id : {worker.id(), std::string("w-99"), std::string("nobody")}) {
+    EXPECT_EQ(FetchUnits(id, job).error_code(), grpc::StatusCode::PERMISSION_DENIED) << id;
+    EXPECT_EQ(FetchUnits(id, "j-none").error_code(), grpc::StatusCode::PERMISSION_DENIED) << id;
+    v1::DeliverResultRequest request;
+    request.mutable_announce()->set_worker_id(id);
+    request.mutable_announce()->mutable_unit()->set_job_id(job);
+    request.mutable_announce()->mutable_unit()->set_kind(v1::UNIT_KIND_RESULT);
+    request.mutable_announce()->set_attempt(1);
+    EXPECT_EQ(DeliverResult(request).error_code(), grpc::StatusCode::PERMISSION_DENIED) << id;
+  }
+  v1::DeliverResultRequest chunk;
+  chunk.mutable_chunk()->set_total_size(1);
+  EXPECT_EQ(DeliverResult(chunk).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
 
 TEST_F(FetchTest, AWorkerReadsTheJobsOfItsLeases) {
   const v1::JobSpec spec = Spec();

@@ -4,6 +4,7 @@
 #include <spdlog/logger.h>
 #include <spdlog/sinks/null_sink.h>
 
+#include <algorithm>
 #include <map>
 #include <memory>
 #include <utility>
@@ -29,7 +30,7 @@ const JobId kOther("j-2");
 /// Fails as often as told, job by job.
 class FailingFinisher final : public FrameFinisher {
  public:
-  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& owned, int32_t) override {
+  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& owned, int32_t, int) override {
     absl::MutexLock lock(&mutex_);
     const JobId& job = owned.job;
     tried_.push_back(job);
@@ -43,8 +44,8 @@ class FailingFinisher final : public FrameFinisher {
     errors.pop_back();
     return error;
   }
-  absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round) override {
-    return Finish({round.job, round.epoch}, round.frame);
+  absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {
+    return Finish({round.job, round.epoch}, round.frame, threads);
   }
   void CancelJob(const JobId&) override {
     absl::MutexLock lock(&mutex_);
@@ -75,9 +76,10 @@ class FailingFinisher final : public FrameFinisher {
 
 class FinisherStageTest : public CommittedFrameFixture {
  protected:
-  void Start() {
+  void Start(int processes = 1) {
     CoordinatorOptions options;
-    options.finish_pause = absl::Milliseconds(1);
+    options.finishing.processes = processes;
+    options.finishing.pause = absl::Milliseconds(1);
     options.now = rpc::MonotonicNow;
     options.wall_now = [] { return absl::Now(); };
     options.random = [] { return uint64_t{1}; };
@@ -137,6 +139,19 @@ TEST_F(FinisherStageTest, ACancelledJobFreesTheFinisher) {
   });
   EXPECT_EQ(WaitForEnd(kJob).state(), v1::JOB_STATE_CANCELLED);
   coordinator_->Shutdown();  // joins the finisher's thread, which is not in Finish any more
+}
+
+TEST_F(FinisherStageTest, AsManyFramesAsThereArePlacesAreFinishedAtATime) {
+  Commit(kJob, Spec(20, 12));
+  Commit(kOther, Spec(20, 12));
+  finisher_.Hang();
+  Start(2);
+  while (finisher_.tried().size() < 2) absl::SleepFor(absl::Milliseconds(5));
+  EXPECT_THAT(finisher_.tried(), testing::UnorderedElementsAre(kJob, kOther));
+  v1::ExplainJobResponse explained = *coordinator_->jobs().ExplainJob(kOther.value());
+  EXPECT_TRUE(std::any_of(explained.reasons().begin(), explained.reasons().end(),
+                          [](const v1::Reason& reason) { return reason.code() == "filter_running"; }));
+  coordinator_->Shutdown();
 }
 
 TEST_F(FinisherStageTest, DamageThatNoRecordExplainsFailsTheJob) {

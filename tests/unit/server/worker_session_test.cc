@@ -50,6 +50,10 @@ class MockWorkerApi : public WorkerApi {
               (override));
   MOCK_METHOD(absl::Status, CheckFetch, (const v1::FetchAssetRequest&, const std::string&), (override));
   MOCK_METHOD(absl::StatusOr<rpc::ByteSender>, OpenAsset, (const v1::FetchAssetRequest&), (const, override));
+  MOCK_METHOD(absl::StatusOr<UnitSender>, OpenUnits, (const v1::FetchUnitsRequest&, const std::string&),
+              (override));
+  MOCK_METHOD(absl::StatusOr<std::unique_ptr<ResultUpload>>, ReceiveResult,
+              (const v1::ResultAnnouncement&, const std::string&), (override));
   MOCK_METHOD(void, OnAssetMissing,
               (job::WorkerId, const job::UnitRef&, job::Attempt, const std::string&, const std::string&),
               (override));

@@ -9,7 +9,7 @@
 #include "filter/image/parallel.h"
 #include "filter/methods.h"
 #include "lumifold/v1/job.pb.h"
-#include "server/commit/committed_units.h"
+#include "server/film/unit_source.h"
 #include "server/job/frame_rounds.h"
 
 namespace lumifold::server {
@@ -25,7 +25,7 @@ struct FilteredRound {
 /// Errors: those of UnitFilm and FilterFilmWithDeviation.
 absl::StatusOr<FilteredRound> FilterRound(const v1::JobSpec& spec, int32_t frame,
                                           const job::FrameRounds& rounds, int round,
-                                          const CommittedUnits& units, filter::FilterPurpose purpose,
+                                          const film::UnitSource& units, filter::FilterPurpose purpose,
                                           TaskPool* pool);
 
 /// Estimated errors, by block, in the metric of the job: as FrameSampling wants them.

@@ -1,4 +1,4 @@
-#include "server/finish/filtered_round.h"
+#include "server/picture/filtered_round.h"
 
 #include <utility>
 
@@ -11,7 +11,7 @@ namespace lumifold::server {
 
 absl::StatusOr<FilteredRound> FilterRound(const v1::JobSpec& spec, int32_t frame,
                                           const job::FrameRounds& rounds, int round,
-                                          const CommittedUnits& units, filter::FilterPurpose purpose,
+                                          const film::UnitSource& units, filter::FilterPurpose purpose,
                                           TaskPool* pool) {
   absl::StatusOr<film::UnitFilm> film = film::UnitFilm::Open(spec, frame, &units, pool, {&rounds, round + 1});
   if (!film.ok()) return film.status();

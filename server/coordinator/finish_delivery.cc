@@ -1,0 +1,189 @@
+#include "server/coordinator/finish_delivery.h"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "filter/image/file_calls.h"
+#include "filter/image/file_io.h"
+#include "proto/logging/fields.h"
+#include "proto/rpc/byte_stream.h"
+#include "proto/rpc/sha256.h"
+#include "server/film/result_digest.h"
+
+namespace lumifold::server {
+namespace {
+
+/// Of a result: all channels of all levels, and room for names and lists.
+constexpr uint64_t kMaxBytesPerPixel = 2000;
+constexpr uint64_t kMaxOtherBytes = uint64_t{64} << 20;
+constexpr double kMaxSeconds = 1e6;
+
+/// A lease to finish a frame, as a worker names it.
+struct NamedLease {
+  job::WorkerId worker{};
+  FrameKey frame;
+  job::Attempt attempt{};
+};
+
+/// Errors: kPermissionDenied where the caller has no such lease.
+absl::StatusOr<NamedLease> FindLease(Farm* farm, const std::string& worker_id, const std::string& caller,
+                                     const v1::UnitId& unit, int64_t attempt) {
+  const std::optional<job::WorkerId> worker = job::ParseWorkerId(worker_id);
+  const ConnectedWorker* const connected = worker.has_value() ? farm->workers.Find(*worker) : nullptr;
+  const NamedLease lease = {
+      worker.value_or(job::WorkerId()), {job::JobId(unit.job_id()), unit.frame()}, job::Attempt(attempt)};
+  const bool is_of_caller = connected != nullptr && connected->caller == caller;
+  if (!is_of_caller || unit.kind() != v1::UNIT_KIND_RESULT ||
+      farm->jobs.FindActive(lease.frame.first) == nullptr ||
+      farm->finish_leases.Find(lease.worker, lease.frame, lease.attempt) == nullptr) {
+    return absl::PermissionDeniedError(absl::StrCat("worker ", logging::Quoted(worker_id),
+                                                    " has no lease to finish frame ", unit.frame(),
+                                                    " of job ", logging::Quoted(unit.job_id())));
+  }
+  return lease;
+}
+
+/// What is kept of the times that a worker tells.
+v1::StageTimes StoredTimes(const v1::StageTimes& told) {
+  const auto bounded = [](double seconds) { return seconds > 0 ? std::min(seconds, kMaxSeconds) : 0.0; };
+  v1::StageTimes times;
+  times.set_assemble_seconds(bounded(told.assemble_seconds()));
+  times.set_filter_seconds(bounded(told.filter_seconds()));
+  times.set_write_seconds(bounded(told.write_seconds()));
+  return times;
+}
+
+/// Receives a result beside the place where it belongs, and puts it there.
+class ReceivedResult final : public ResultUpload {
+ public:
+  ReceivedResult(Resources* resources, FarmState* state, FrameFinishing* finishing, NamedLease lease,
+                 DueFrame due, v1::FrameReport report, uint64_t max_bytes)
+      : resources_(resources),
+        state_(state),
+        finishing_(finishing),
+        lease_(std::move(lease)),
+        due_(std::move(due)),
+        report_(std::move(report)),
+        max_bytes_(max_bytes),
+        path_(resources->folder.ResultPath(due_.job, due_.number)),
+        partial_(absl::StrCat(path_, ".", lease_.attempt.value(), kPartialSuffix)) {}
+  ~ReceivedResult() override { resources_->folder.files()->Remove(partial_); }
+
+  absl::Status Open() {
+    if (absl::Status status =
+            MakeFolder(resources_->folder.ResultsPath(due_.job), resources_->folder.files());
+        !status.ok())
+      return status;
+    absl::StatusOr<rpc::ByteReceiver> file = rpc::ByteReceiver::Open(partial_, 0, resources_->folder.files());
+    absl::Status status = file.status();
+    if (file.ok()) file_ = *std::move(file);
+    return status;
+  }
+
+  absl::Status Add(const v1::ByteChunk& chunk) override {
+    if (chunk.total_size() > max_bytes_)
+      return absl::InvalidArgumentError(absl::StrCat("result: ", chunk.total_size(), " bytes are too many"));
+    if (sha256_.empty()) sha256_ = chunk.sha256();
+    resources_->traffic.results_received += static_cast<int64_t>(chunk.data().size());
+    return resources_->NoteError(file_->Add(chunk));
+  }
+
+  absl::Status Finish() override {
+    if (absl::Status status = Check(); !status.ok()) return resources_->NoteError(status);
+    {
+      FarmState::Change farm(state_);
+      FinishLease* const lease = farm->finish_leases.Find(lease_.worker, lease_.frame, lease_.attempt);
+      if (lease == nullptr || lease->is_delivered)
+        return absl::AbortedError("result: the lease has become void");
+      lease->is_delivered = true;
+    }
+    const absl::Status placed = Place();
+    const absl::StatusOr<v1::FrameReport> report =
+        placed.ok() ? absl::StatusOr<v1::FrameReport>(report_) : placed;
+    if (!absl::IsAborted(placed)) finishing_->OnFinished(due_, report);
+    FarmState::Change farm(state_);
+    farm->finish_leases.End(lease_.attempt);
+    farm->frames.End(lease_.frame, resources_->options.now());
+    return resources_->NoteError(placed);
+  }
+
+ private:
+  absl::Status Check() {
+    if (absl::Status status = file_->Sync(); !status.ok()) return status;
+    const absl::StatusOr<std::string> digest = rpc::Sha256HexOfFile(partial_);
+    if (!digest.ok()) return digest.status();
+    if (*digest != sha256_) return absl::DataLossError("result: the SHA-256 does not match");
+    return absl::OkStatus();
+  }
+
+  absl::Status Place() {
+    FileSystem* const files = resources_->folder.files();
+    if (absl::Status status = CheckOwner(*resources_->store, resources_->Owned(due_.job)); !status.ok())
+      return status;
+    if (const int error = files->Rename(partial_, path_); error != 0) return StorageError(path_, error);
+    if (const int error = files->SyncFolder(FolderOf(path_)); error != 0) return StorageError(path_, error);
+    return film::MakeResultDigest(path_, files).status();
+  }
+
+  Resources* const resources_;
+  FarmState* const state_;
+  FrameFinishing* const finishing_;
+  const NamedLease lease_;
+  const DueFrame due_;
+  const v1::FrameReport report_;
+  const uint64_t max_bytes_;
+  const std::string path_;
+  const std::string partial_;
+  std::optional<rpc::ByteReceiver> file_;
+  std::string sha256_;
+};
+
+}  // namespace
+
+absl::StatusOr<UnitSender> FinishDelivery::OpenUnits(const v1::FetchUnitsRequest& request,
+                                                     const std::string& caller) const {
+  ledger::JobRecord job;
+  {
+    FarmState::Change farm(state_);
+    const absl::StatusOr<NamedLease> lease =
+        FindLease(&*farm, request.worker_id(), caller, request.unit(), request.attempt());
+    if (!lease.ok()) return lease.status();
+    job = farm->jobs.FindActive(lease->frame.first)->record;
+  }
+  absl::StatusOr<CommittedUnits> units =
+      CommittedUnits::Open(resources_->folder, *resources_->store, job, request.unit().frame());
+  if (!units.ok()) return units.status();
+  return UnitSender(*std::move(units));
+}
+
+absl::StatusOr<std::unique_ptr<ResultUpload>> FinishDelivery::Receive(
+    const v1::ResultAnnouncement& announcement, const std::string& caller) const {
+  std::unique_ptr<ReceivedResult> result;
+  {
+    FarmState::Change farm(state_);
+    absl::StatusOr<NamedLease> lease =
+        FindLease(&*farm, announcement.worker_id(), caller, announcement.unit(), announcement.attempt());
+    if (!lease.ok()) return lease.status();
+    const v1::JobSpec& spec = farm->jobs.FindActive(lease->frame.first)->record.spec;
+    const auto pixels = static_cast<uint64_t>(spec.width()) * static_cast<uint64_t>(spec.height());
+    v1::FrameReport report;
+    *report.mutable_times() = StoredTimes(announcement.times());
+    DueFrame due = {.job = lease->frame.first, .number = lease->frame.second};
+    result =
+        std::make_unique<ReceivedResult>(resources_, state_, finishing_, *std::move(lease), std::move(due),
+                                         std::move(report), pixels * kMaxBytesPerPixel + kMaxOtherBytes);
+  }
+  if (absl::Status status = resources_->NoteError(result->Open()); !status.ok()) return status;
+  return result;
+}
+
+void FinishDelivery::TakeBack(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
+                              const std::string& reason) const {
+  FarmState::Change farm(state_);
+  const FinishLease* const lease = farm->finish_leases.Find(worker, {unit.job, unit.key.frame}, attempt);
+  if (lease != nullptr && !lease->is_delivered) farm->TakeFramesBack({attempt}, reason);
+}
+
+}  // namespace lumifold::server

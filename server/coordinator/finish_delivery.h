@@ -1,0 +1,39 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "lumifold/v1/worker.pb.h"
+#include "server/commit/unit_sender.h"
+#include "server/coordinator/farm_state.h"
+#include "server/coordinator/frame_finishing.h"
+#include "server/coordinator/resources.h"
+#include "server/coordinator/roles.h"
+
+namespace lumifold::server {
+
+/// Frames that workers finish: what they fetch for it, and their results.
+/// Threads: safe.
+class FinishDelivery {
+ public:
+  /// All must outlive it.
+  FinishDelivery(Resources* resources, FarmState* state, FrameFinishing* finishing)
+      : resources_(resources), state_(state), finishing_(finishing) {}
+
+  /// See WorkerApi.
+  absl::StatusOr<UnitSender> OpenUnits(const v1::FetchUnitsRequest& request, const std::string& caller) const;
+  absl::StatusOr<std::unique_ptr<ResultUpload>> Receive(const v1::ResultAnnouncement& announcement,
+                                                        const std::string& caller) const;
+  /// The worker will not deliver the result of a lease.
+  void TakeBack(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
+                const std::string& reason) const;
+
+ private:
+  Resources* const resources_;
+  FarmState* const state_;
+  FrameFinishing* const finishing_;
+};
+
+}  // namespace lumifold::server

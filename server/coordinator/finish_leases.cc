@@ -1,0 +1,107 @@
+#include "server/coordinator/finish_leases.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace lumifold::server {
+namespace {
+
+using job::Attempt;
+using job::WorkerId;
+
+/// As for units, see decision 14.
+constexpr absl::Duration kStall = absl::Minutes(10);
+/// A frame of one block takes a slow machine a few minutes.
+constexpr absl::Duration kLongest = absl::Minutes(30);
+
+}  // namespace
+
+void FinishLeases::AddWorker(WorkerId worker, const FinishOffer& offer) {
+  if (offer.places > 0) offers_[worker] = offer;
+}
+
+std::vector<Attempt> FinishLeases::RemoveWorker(WorkerId worker) {
+  offers_.erase(worker);
+  std::vector<Attempt> ended;
+  for (const auto& [attempt, lease] : leases_) {
+    if (lease.worker == worker && !lease.is_delivered) ended.push_back(attempt);
+  }
+  return ended;
+}
+
+std::optional<WorkerId> FinishLeases::FindPlace(const std::string& numeric_class, uint64_t memory_bytes,
+                                                absl::FunctionRef<bool(WorkerId)> is_available) const {
+  std::optional<WorkerId> best;
+  int places = 0;
+  for (const auto& [worker, offer] : offers_) {
+    if (offer.places <= places || offer.memory_bytes < memory_bytes || offer.numeric_class != numeric_class ||
+        !is_available(worker))
+      continue;
+    best = worker;
+    places = offer.places;
+  }
+  return best;
+}
+
+void FinishLeases::Grant(Attempt attempt, FinishLease lease, absl::Time now) {
+  FinishOffer& offer = offers_.at(lease.worker);
+  --offer.places;
+  offer.memory_bytes -= lease.memory_bytes;
+  lease.granted = lease.heard = lease.progressed = now;
+  leases_.emplace(attempt, std::move(lease));
+}
+
+FinishLease* FinishLeases::Find(WorkerId worker, const FrameKey& frame, Attempt attempt) {
+  const auto found = leases_.find(attempt);
+  if (found == leases_.end() || found->second.worker != worker || found->second.frame != frame)
+    return nullptr;
+  return &found->second;
+}
+
+FinishLease FinishLeases::End(Attempt attempt) {
+  FinishLease lease = std::move(leases_.extract(attempt).mapped());
+  if (const auto offer = offers_.find(lease.worker); offer != offers_.end()) {
+    ++offer->second.places;
+    offer->second.memory_bytes += lease.memory_bytes;
+  }
+  return lease;
+}
+
+std::vector<Attempt> FinishLeases::OfJob(const job::JobId& job) const {
+  std::vector<Attempt> found;
+  for (const auto& [attempt, lease] : leases_) {
+    if (lease.frame.first == job) found.push_back(attempt);
+  }
+  return found;
+}
+
+std::vector<Attempt> FinishLeases::Heartbeat(WorkerId worker, absl::Span<const scheduler::HeldLease> held,
+                                             Attempt newest, absl::Time now) {
+  std::map<Attempt, int64_t> progress;
+  for (const scheduler::HeldLease& lease : held) progress.emplace(lease.attempt, lease.progress);
+  std::vector<Attempt> dropped;
+  for (auto& [attempt, lease] : leases_) {
+    if (lease.worker != worker || lease.is_delivered) continue;
+    const auto named = progress.find(attempt);
+    if (named != progress.end()) {
+      lease.heard = now;
+      if (std::exchange(lease.progress, named->second) != named->second) lease.progressed = now;
+    } else if (attempt <= newest) {
+      dropped.push_back(attempt);
+    }
+  }
+  return dropped;
+}
+
+std::vector<Attempt> FinishLeases::Expired(absl::Time now,
+                                           absl::FunctionRef<bool(WorkerId)> is_blocked) const {
+  std::vector<Attempt> expired;
+  for (const auto& [attempt, lease] : leases_) {
+    const absl::Time end =
+        std::min({lease.heard + lease_, lease.progressed + kStall, lease.granted + kLongest});
+    if ((end <= now || is_blocked(lease.worker)) && !lease.is_delivered) expired.push_back(attempt);
+  }
+  return expired;
+}
+
+}  // namespace lumifold::server

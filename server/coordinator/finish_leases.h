@@ -1,0 +1,78 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/functional/function_ref.h"
+#include "absl/time/time.h"
+#include "absl/types/span.h"
+#include "server/commit/open_logs.h"
+#include "server/job/ids.h"
+#include "server/scheduler/types.h"
+
+namespace lumifold::server {
+
+/// What a worker offers for finishing frames, see v1::Hello.
+struct FinishOffer {
+  std::string numeric_class;
+  int places = 0;
+  uint64_t memory_bytes = 0;
+};
+
+/// The right of a worker to finish a frame.
+struct FinishLease {
+  FrameKey frame;
+  job::WorkerId worker{};
+  uint64_t memory_bytes = 0;
+  absl::Time granted = {};
+  absl::Time heard = {};  // when the worker last named it
+  int64_t progress = 0;
+  absl::Time progressed = {};  // when that last changed
+  /// Its result has arrived and is being recorded: the lease does not end before that.
+  bool is_delivered = false;
+};
+
+/// The leases of workers to finish frames. They end as those of units do: with the connection, without
+/// heartbeats or progress, when the worker no longer names them; and after half an hour, so that whoever only
+/// seems to work costs no more. Pure state.
+/// Threads: one at a time.
+class FinishLeases {
+ public:
+  /// `lease`: time without a heartbeat after which one expires.
+  explicit FinishLeases(absl::Duration lease) : lease_(lease) {}
+
+  /// No effect without places.
+  void AddWorker(job::WorkerId worker, const FinishOffer& offer);
+  /// Returns the leases that end with it.
+  std::vector<job::Attempt> RemoveWorker(job::WorkerId worker);
+  /// The worker of this class that has most places left, and this memory, of those that are available.
+  std::optional<job::WorkerId> FindPlace(const std::string& numeric_class, uint64_t memory_bytes,
+                                         absl::FunctionRef<bool(job::WorkerId)> is_available) const;
+
+  /// `attempt` is new; worker, frame and memory of `lease` are set.
+  void Grant(job::Attempt attempt, FinishLease lease, absl::Time now);
+  /// Null if the worker has no such lease of this frame. Valid until the next change.
+  FinishLease* Find(job::WorkerId worker, const FrameKey& frame, job::Attempt attempt);
+  /// The lease exists; returns it.
+  FinishLease End(job::Attempt attempt);
+  bool IsDelivered(job::Attempt attempt) const { return leases_.at(attempt).is_delivered; }
+  /// Those of a job.
+  std::vector<job::Attempt> OfJob(const job::JobId& job) const;
+
+  /// Renews what `held` names. Returns those that the worker has received, by `newest`, and does not name.
+  std::vector<job::Attempt> Heartbeat(job::WorkerId worker, absl::Span<const scheduler::HeldLease> held,
+                                      job::Attempt newest, absl::Time now);
+  /// Those that are over, and those of workers that are blocked.
+  std::vector<job::Attempt> Expired(absl::Time now, absl::FunctionRef<bool(job::WorkerId)> is_blocked) const;
+  int64_t size() const { return static_cast<int64_t>(leases_.size()); }
+
+ private:
+  const absl::Duration lease_;
+  std::map<job::WorkerId, FinishOffer> offers_;  // what is left of them
+  std::map<job::Attempt, FinishLease> leases_;
+};
+
+}  // namespace lumifold::server

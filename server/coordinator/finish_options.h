@@ -1,0 +1,24 @@
+#pragma once
+
+#include <cstdint>
+
+#include "absl/time/time.h"
+
+namespace lumifold::server {
+
+/// How frames are finished, and what that may take of the coordinator's machine.
+struct FinishOptions {
+  /// Pause before a frame whose process was killed is tried again; the next pause is four times as long.
+  absl::Duration pause = absl::Seconds(5);
+  /// Frames that are finished at a time. 0: as many as threads and memory hold, and one more of a user who
+  /// has none among them, so that nobody waits for the end of another's long ones.
+  int processes = 1;
+  /// Threads that they share, >= 1. Each frame has one at least.
+  int threads = 1;
+  /// Where `processes` is 0: memory of all of them together. One frame is finished whatever it takes.
+  uint64_t memory_bytes = 0;
+  /// A frame takes no more than this; 0: no limit.
+  uint64_t frame_memory_bytes = 0;
+};
+
+}  // namespace lumifold::server

@@ -1,0 +1,206 @@
+#include "server/picture/make_picture.h"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <utility>
+
+#include "filter/image/layers.h"
+#include "filter/methods.h"
+#include "server/film/result_writer.h"
+#include "server/film/unit_film.h"
+#include "server/picture/filtered_round.h"
+
+namespace lumifold::server {
+namespace {
+
+/// Of a process without a film.
+constexpr uint64_t kProcessBytes = uint64_t{64} << 20;
+/// Of the film and the filter together: 4.4 GB for a block of 1536x1536 pixels of a scene with reflections
+/// (docs/operations.md); 700 for the Cornell box.
+constexpr uint64_t kBytesPerPixel = 1900;
+
+/// Measures the time of alternating stages.
+class StageClock {
+ public:
+  enum Stage { kAssemble, kFilter, kWrite, kStages };
+
+  explicit StageClock(const std::function<absl::Time()>& now) : now_(now), since_(now()) {}
+
+  /// Adds the time since the last call, or since construction, to `stage`.
+  void Charge(Stage stage) {
+    const absl::Time now = now_();
+    spent_[stage] += now - since_;
+    since_ = now;
+  }
+
+  v1::StageTimes Times() const {
+    v1::StageTimes times;
+    times.set_assemble_seconds(absl::ToDoubleSeconds(spent_[kAssemble]));
+    times.set_filter_seconds(absl::ToDoubleSeconds(spent_[kFilter]));
+    times.set_write_seconds(absl::ToDoubleSeconds(spent_[kWrite]));
+    return times;
+  }
+
+ private:
+  const std::function<absl::Time()>& now_;
+  absl::Time since_;
+  std::array<absl::Duration, kStages> spent_;
+};
+
+/// A film whose reads are charged to assembly, and the time between them to the filter.
+TimedFilm MakeTimedFilm(FilmSource* film, StageClock* clock) {
+  const auto before = [clock] {
+    clock->Charge(StageClock::kFilter);
+    return absl::OkStatus();
+  };
+  return {film, before, [clock] { clock->Charge(StageClock::kAssemble); }};
+}
+
+/// The part of the filtered `rows` inside `rect`.
+std::array<Plane, 3> PictureIn(const LayeredImage& rows, const Rect& rect) {
+  const ConstColorView color = rows.GetColor(layers::kBeauty);
+  std::array<Plane, 3> picture;
+  for (size_t c = 0; c < picture.size(); ++c) {
+    picture[c] = Plane::Uninitialized(rect.width(), rect.height());
+    CopyPlane(color[c].Crop(rect), picture[c].view());
+  }
+  return picture;
+}
+
+/// Filters a frame and writes its result.
+class Finish {
+ public:
+  Finish(film::UnitFilm* film, film::ResultWriter* result, std::string method, TaskPool* pool,
+         StageClock* clock)
+      : film_(*film),
+        timed_(MakeTimedFilm(film, clock)),
+        result_(*result),
+        method_(std::move(method)),
+        pool_(pool),
+        clock_(*clock) {}
+
+  /// For a frame of one block: the film is read once.
+  absl::Status Whole() {
+    absl::StatusOr<EdgedImage> film = timed_.Read({0, 0, film_.width(), film_.height()});
+    if (!film.ok()) return film.status();
+    absl::StatusOr<std::array<Plane, 3>> filtered =
+        filter::FilterFilm(film->pixels, method_, pool_, &film->edges, &film->fragments);
+    if (!filtered.ok()) return filtered.status();
+    clock_.Charge(StageClock::kFilter);
+    return Write(*std::move(film), *std::move(filtered));
+  }
+
+  /// For a frame that was filtered before.
+  absl::Status Filtered(FilteredRound frame) {
+    return Write(std::move(frame.film), std::move(frame.filtered.picture));
+  }
+
+  /// For a frame of several blocks: the other layers of the result are read again when the rows of the
+  /// picture are filtered. Keeping them would need the memory of a row of blocks with all channels.
+  absl::Status InRows(const filter::BlockParams& blocks) {
+    const auto write = [this](const LayeredImage& rows) { return WriteRows(rows); };
+    return filter::FilterFilmInRows(&timed_, method_, {}, pool_, write, blocks);
+  }
+
+ private:
+  absl::Status WriteRows(const LayeredImage& rows) {
+    const int first = y_;
+    while (y_ < first + rows.height()) {
+      const Rect band = {0, y_, film_.width(), std::min(first + rows.height(), film_.BandEnd(y_))};
+      absl::StatusOr<EdgedImage> part = timed_.Read(band);
+      if (!part.ok()) return part.status();
+      absl::Status status = Write(*std::move(part), PictureIn(rows, SeenFrom(0, first, band)));
+      if (!status.ok()) return status;
+      y_ = band.y1;
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status Write(EdgedImage part, std::array<Plane, 3> filtered) {
+    absl::Status status = result_.Append(std::move(part), std::move(filtered));
+    clock_.Charge(StageClock::kWrite);
+    return status;
+  }
+
+  const film::UnitFilm& film_;
+  TimedFilm timed_;
+  film::ResultWriter& result_;
+  const std::string method_;
+  TaskPool* const pool_;
+  StageClock& clock_;
+  int y_ = 0;  // first row that is not written
+};
+
+/// A frame with adaptive sampling whose error has been estimated.
+struct EstimatedFrame {
+  FilteredRound last;
+  double error = 0;
+};
+
+/// The last round of a frame, with the error of its picture.
+absl::StatusOr<EstimatedFrame> Estimated(const v1::JobSpec& spec, int32_t frame,
+                                         const job::FrameRounds& rounds, const film::UnitSource& units,
+                                         TaskPool* pool) {
+  absl::StatusOr<FilteredRound> last =
+      FilterRound(spec, frame, rounds, rounds.count() - 1, units, filter::FilterPurpose::kPicture, pool);
+  if (!last.ok()) return last.status();
+  const double error = rounds.MeasuredError(ErrorsOf(*last, spec, pool));
+  return EstimatedFrame{*std::move(last), error};
+}
+
+}  // namespace
+
+absl::StatusOr<v1::FrameReport> MakePicture(const CompleteFrame& frame, const PictureFile& file,
+                                            TaskPool* pool, const std::function<absl::Time()>& now,
+                                            const filter::BlockParams& blocks) {
+  StageClock clock(now);
+  const job::FrameRounds* const rounds = frame.rounds;
+  absl::StatusOr<film::UnitFilm> film = film::UnitFilm::Open(
+      frame.spec, frame.frame, &frame.units, pool,
+      rounds != nullptr ? film::FilmRounds{rounds, rounds->count()} : film::FilmRounds());
+  if (!film.ok()) return film.status();
+  clock.Charge(StageClock::kAssemble);
+  film::ResultInfo info = {.spec = frame.spec, .frame = frame.frame, .numeric_class = frame.numeric_class};
+  absl::StatusOr<film::UnitOutline> first = frame.units.Outline({frame.frame, 0, 0, v1::UNIT_KIND_GEOMETRY});
+  if (!first.ok()) return first.status();
+  info.facts = std::move(first->stats);
+  std::optional<EstimatedFrame> estimated;
+  if (rounds != nullptr) {
+    absl::StatusOr<EstimatedFrame> made = Estimated(frame.spec, frame.frame, *rounds, frame.units, pool);
+    if (!made.ok()) return made.status();
+    estimated = *std::move(made);
+    info.estimated_error = estimated->error;
+    info.schedule = rounds->schedule();
+    clock.Charge(StageClock::kFilter);
+  }
+  absl::StatusOr<film::ResultWriter> result = film::ResultWriter::Create(file.path, *film, info, file.files);
+  if (!result.ok()) return result.status();
+  clock.Charge(StageClock::kWrite);
+  Finish finish(&*film, &*result, frame.spec.filter().method(), pool, &clock);
+  const bool is_one_block = filter::BlockGrid(film->width(), film->height(), blocks).IsOneBlock();
+  const absl::Status written = estimated.has_value() ? finish.Filtered(std::move(estimated->last))
+                               : is_one_block        ? finish.Whole()
+                                                     : finish.InRows(blocks);
+  if (!written.ok()) return written;
+  if (absl::Status status = file.may_commit(); !status.ok()) return status;
+  if (absl::Status status = result->Finish(); !status.ok()) return status;
+  clock.Charge(StageClock::kWrite);
+  v1::FrameReport report;
+  *report.mutable_times() = clock.Times();
+  if (info.estimated_error.has_value()) report.set_estimated_error(*info.estimated_error);
+  return report;
+}
+
+uint64_t PictureMemoryOf(const v1::JobSpec& spec) {
+  const int64_t frame = int64_t{spec.width()} * spec.height();
+  // With adaptive sampling all of the frame at once, before a round and after it.
+  const int64_t pixels = spec.has_adaptive() ? 2 * frame : std::min(frame, filter::BlockParams().whole);
+  return kProcessBytes + static_cast<uint64_t>(pixels) * kBytesPerPixel;
+}
+
+bool IsOneBlock(const v1::JobSpec& spec) {
+  return filter::BlockGrid(spec.width(), spec.height(), filter::BlockParams()).IsOneBlock();
+}
+
+}  // namespace lumifold::server

@@ -1,0 +1,107 @@
+"""Frames are finished by workers where the coordinator has no place: the files are the same, byte for byte, whoever
+finishes them and whoever is killed meanwhile."""
+
+import pathlib
+import re
+import tempfile
+import unittest
+
+from farm import Farm, make_scene, wait_until
+
+FRAMES = 12
+SETTINGS = ["--size", "192x144", "--spp", "8", "--frames", f"0-{FRAMES - 1}"]
+# One place, so that the others wait; and leases that end soon.
+ONE_PLACE = ["--finish-processes", "1", "--filter-threads", "1", "--lease-seconds", "3", "--heartbeat-seconds", "0.2"]
+
+
+class FinishTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.root = pathlib.Path(cls.folder.name)
+        cls.scene = make_scene("cornell-box", cls.root)
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            farm.start_worker("--finish", "never", threads=2)
+            job = cls.submit(farm)
+            farm.client("wait", job)
+            cls.expected = cls.results(data, job)
+            assert "frame_leased" not in farm.server.log_text()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    @classmethod
+    def submit(cls, farm):
+        return farm.client("submit", cls.scene, *SETTINGS).stdout.strip()
+
+    @staticmethod
+    def results(data, job):
+        """The bytes of each frame, and what the coordinator keeps as their digests."""
+        folder = pathlib.Path(data) / "results" / job
+        return {path.name: path.read_bytes() for path in folder.glob("frame-*")}
+
+    def expect_same(self, data, farm, job):
+        farm.client("wait", job)
+        self.assertEqual(farm.status(job)["state"], "done")
+        found = self.results(data, job)
+        self.assertEqual(sorted(found), sorted(self.expected))
+        self.assertEqual(len(found), 2 * FRAMES)
+        for name, content in found.items():
+            self.assertEqual(content, self.expected[name], name)
+
+    @staticmethod
+    def leased_to(farm, worker):
+        """Frames that were leased to the process, so far."""
+        return re.findall(rf"event=frame_leased .* worker=w-\d+/\S+:{worker.popen.pid} ", farm.server.log_text())
+
+    def await_lease(self, farm, worker):
+        wait_until(lambda: self.leased_to(farm, worker), "a frame for the worker")
+
+    def test_workers_finish_what_the_coordinator_has_no_place_for(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
+            workers = [farm.start_worker(threads=2) for _ in range(2)]
+            job = self.submit(farm)
+            self.expect_same(data, farm, job)
+            finished = sum(worker.log_text().count("event=frame_finished") for worker in workers)
+            self.assertGreater(finished, 0)
+            self.assertEqual(farm.server.log_text().count("event=frame_leased"), finished)
+            self.assertEqual(farm.server.log_text().count("event=frame_finished"), FRAMES)
+
+    def test_a_killed_worker_costs_time_only(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
+            workers = [farm.start_worker(threads=2) for _ in range(2)]
+            job = self.submit(farm)
+            self.await_lease(farm, workers[0])
+            workers[0].kill()
+            self.expect_same(data, farm, job)
+
+    def test_a_worker_that_hangs_costs_time_only(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
+            workers = [farm.start_worker(threads=2) for _ in range(2)]
+            job = self.submit(farm)
+            self.await_lease(farm, workers[0])
+            workers[0].pause()
+            self.expect_same(data, farm, job)
+            workers[0].resume()
+
+    def test_a_killed_coordinator_finishes_the_rest(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
+            workers = [farm.start_worker(threads=2) for _ in range(2)]
+            job = self.submit(farm)
+            self.await_lease(farm, workers[0])
+            farm.server.kill()
+            farm.restart_server()
+            self.expect_same(data, farm, job)
+
+    def test_a_worker_that_leaves_hands_its_frames_back(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
+            workers = [farm.start_worker("--drain-seconds", "0", threads=2) for _ in range(2)]
+            job = self.submit(farm)
+            self.await_lease(farm, workers[0])
+            self.assertEqual(workers[0].stop(), 0)
+            self.expect_same(data, farm, job)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,116 @@
+// A frame that a worker finishes: the same file as the coordinator's.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <string>
+#include <utility>
+
+#include "proto/rpc/checksum.h"
+#include "proto/rpc/sha256.h"
+#include "server/commit/unit_sender.h"
+#include "server/finish/finish_frame.h"
+#include "tests/unit/server/committed_frame_fixture.h"
+#include "worker/finish/finish_frame.h"
+
+namespace lumifold::server {
+namespace {
+
+using job::JobId;
+using ::testing::HasSubstr;
+
+/// A coordinator without a network.
+class LocalLink final : public worker::FrameLink {
+ public:
+  explicit LocalLink(std::function<CommittedUnits()> open) : open_(std::move(open)) {}
+
+  absl::Status FetchUnits(const v1::Lease& /*lease*/,
+                          absl::FunctionRef<absl::Status(const v1::ByteChunk&)> take) override {
+    UnitSender sender(open_());
+    v1::ByteChunk chunk;
+    while (true) {
+      const absl::StatusOr<bool> has_next = sender.Next(&chunk);
+      if (!has_next.ok()) return has_next.status();
+      if (!*has_next) return absl::OkStatus();
+      if (damage != nullptr) damage(&chunk);
+      if (absl::Status status = take(chunk); !status.ok()) return status;
+    }
+  }
+  absl::Status DeliverResult(const v1::Lease& /*lease*/, const v1::StageTimes& times,
+                             absl::FunctionRef<absl::StatusOr<bool>(v1::ByteChunk*)> next) override {
+    filter_seconds = times.filter_seconds();
+    v1::ByteChunk chunk;
+    while (true) {
+      const absl::StatusOr<bool> has_next = next(&chunk);
+      if (!has_next.ok()) return has_next.status();
+      if (!*has_next) return absl::OkStatus();
+      if (delivered.empty()) sha256 = chunk.sha256();
+      delivered += chunk.data();
+    }
+  }
+
+  std::function<void(v1::ByteChunk*)> damage;
+  std::string delivered;
+  std::string sha256;
+  double filter_seconds = 0;
+
+ private:
+  const std::function<CommittedUnits()> open_;
+};
+
+class WorkerFinishTest : public CommittedFrameFixture {
+ protected:
+  WorkerFinishTest() { Commit(job_, Spec(60, 44)); }
+
+  absl::Status Finish(const ledger::JobRecord& job) {
+    v1::Lease lease;
+    lease.mutable_unit()->set_job_id(job_.value());
+    lease.mutable_unit()->set_kind(v1::UNIT_KIND_RESULT);
+    return worker::FinishFrame(job.spec, job.numeric_class, lease, &link_, &control_);
+  }
+  absl::Status Finish() { return Finish(*store_->GetJob(job_)); }
+
+  const JobId job_{"j-1"};
+  LocalLink link_{[this] { return *CommittedUnits::Open(folder_, *store_, *store_->GetJob(job_), 0); }};
+  worker::UnitControl control_;
+};
+
+TEST_F(WorkerFinishTest, DeliversTheBytesThatTheCoordinatorWouldWrite) {
+  ASSERT_TRUE(FinishFrame(folder_, *store_, {job_, {}}, 0, nullptr, [] { return absl::Now(); }).ok());
+  const absl::Status finished = Finish();
+  ASSERT_TRUE(finished.ok()) << finished;
+  EXPECT_EQ(link_.delivered, Result(job_));
+  EXPECT_EQ(link_.sha256, rpc::Sha256Hex(link_.delivered));
+  EXPECT_GT(link_.filter_seconds, 0);
+  EXPECT_GE(control_.progress, 3);
+}
+
+TEST_F(WorkerFinishTest, UnitsThatAreDamagedOnTheirWayAreNotUsed) {
+  link_.damage = [](v1::ByteChunk* chunk) { (*chunk->mutable_data())[1000] ^= 1; };
+  EXPECT_EQ(Finish().code(), absl::StatusCode::kDataLoss);
+  EXPECT_EQ(link_.delivered, "");
+}
+
+TEST_F(WorkerFinishTest, ARecordThatIsDamagedIsNamed) {
+  link_.damage = [](v1::ByteChunk* chunk) {
+    (*chunk->mutable_data())[chunk->data().size() - 1] ^= 1;
+    chunk->set_checksum(rpc::Checksum(chunk->data()));
+  };
+  EXPECT_THAT(std::string(Finish().message()), HasSubstr("units of frame 0: record at "));
+  EXPECT_EQ(link_.delivered, "");
+}
+
+TEST_F(WorkerFinishTest, AFrameThatLacksAUnitIsNotFinished) {
+  ledger::JobRecord job = *store_->GetJob(job_);
+  job.spec.set_samples_per_pixel(40);
+  EXPECT_EQ(Finish(job).code(), absl::StatusCode::kDataLoss);
+}
+
+TEST_F(WorkerFinishTest, AFrameThatIsNoLongerWantedIsDropped) {
+  control_.stop = true;
+  EXPECT_EQ(Finish().code(), absl::StatusCode::kCancelled);
+  EXPECT_EQ(link_.delivered, "");
+}
+
+}  // namespace
+}  // namespace lumifold::server

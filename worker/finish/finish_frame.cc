@@ -1,0 +1,92 @@
+#include "worker/finish/finish_frame.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <new>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "filter/image/file_calls.h"
+#include "proto/rpc/byte_stream.h"
+#include "proto/rpc/monotonic.h"
+#include "proto/rpc/sha256.h"
+#include "server/film/unit_log.h"
+#include "server/film/unit_records.h"
+#include "server/picture/make_picture.h"
+#include "worker/finish/memory_files.h"
+
+namespace lumifold::worker {
+namespace {
+
+constexpr char kUnits[] = "units";
+constexpr char kResult[] = "result";
+
+absl::Status CheckWanted(const UnitControl& control) {
+  return control.stop ? absl::CancelledError("the frame is no longer wanted") : absl::OkStatus();
+}
+
+/// The records of the frame's units, as the coordinator sends them.
+absl::StatusOr<film::UnitRecords> Fetch(const v1::Lease& lease, FrameLink* link, UnitControl* control,
+                                        MemoryFiles* files) {
+  absl::StatusOr<rpc::ByteReceiver> receiver = rpc::ByteReceiver::Open(kUnits, 0, files);
+  if (!receiver.ok()) return receiver.status();
+  const absl::Status fetched = link->FetchUnits(lease, [&](const v1::ByteChunk& chunk) {
+    ++control->progress;
+    if (absl::Status status = CheckWanted(*control); !status.ok()) return status;
+    return receiver->Add(chunk);
+  });
+  if (!fetched.ok()) return fetched;
+  if (!receiver->IsComplete()) return absl::UnavailableError("the units of the frame ended early");
+  absl::StatusOr<film::UnitLogReader> reader =
+      film::UnitLogReader::OfFile(files->Take(kUnits), absl::StrCat("units of frame ", lease.unit().frame()));
+  if (!reader.ok()) return reader.status();
+  return film::UnitRecords::Open(*std::move(reader));
+}
+
+absl::StatusOr<std::string> Sha256Of(const rpc::FileHandle& file) {
+  rpc::Sha256 sum;
+  std::string bytes(size_t{1} << 20, '\0');
+  for (uint64_t offset = 0;; offset += bytes.size()) {
+    const int64_t count = ReadAt(file.get(), offset, bytes.data(), bytes.size());
+    if (count < 0) return FileError(kResult, count);
+    sum.Update(std::string_view(bytes).substr(0, static_cast<size_t>(count)));
+    if (static_cast<size_t>(count) < bytes.size()) return sum.FinishHex();
+  }
+}
+
+absl::Status Finish(const v1::JobSpec& spec, const std::string& numeric_class, const v1::Lease& lease,
+                    FrameLink* link, UnitControl* control) {
+  MemoryFiles files;
+  const absl::StatusOr<film::UnitRecords> units = Fetch(lease, link, control, &files);
+  if (!units.ok()) return units.status();
+  const absl::StatusOr<v1::FrameReport> report = server::MakePicture(
+      {.spec = spec, .frame = lease.unit().frame(), .numeric_class = numeric_class, .units = *units},
+      {.path = kResult, .files = &files, .may_commit = [&] { return CheckWanted(*control); }},
+      /*pool=*/nullptr, rpc::MonotonicNow);
+  if (!report.ok()) return report.status();
+  ++control->progress;
+  rpc::FileHandle result = files.Take(kResult);
+  absl::StatusOr<std::string> sha256 = Sha256Of(result);
+  if (!sha256.ok()) return sha256.status();
+  absl::StatusOr<rpc::ByteSender> sender = rpc::ByteSender::OfFile(std::move(result), kResult, 0);
+  if (!sender.ok()) return sender.status();
+  sender->SetSha256(*std::move(sha256));
+  return link->DeliverResult(lease, report->times(), [&](v1::ByteChunk* chunk) -> absl::StatusOr<bool> {
+    ++control->progress;
+    if (absl::Status status = CheckWanted(*control); !status.ok()) return status;
+    return sender->Next(chunk);
+  });
+}
+
+}  // namespace
+
+absl::Status FinishFrame(const v1::JobSpec& spec, const std::string& numeric_class, const v1::Lease& lease,
+                         FrameLink* link, UnitControl* control) {
+  try {
+    return Finish(spec, numeric_class, lease, link, control);
+  } catch (const std::bad_alloc&) {
+    return absl::ResourceExhaustedError("out of memory while finishing the frame");
+  }
+}
+
+}  // namespace lumifold::worker

@@ -48,7 +48,7 @@ struct FarmMetrics {
   std::map<v1::WorkerState, int64_t> workers;
   std::map<v1::JobState, int64_t> jobs;  // active ones
   FrameMetrics frames;
-  int64_t blocked_names = 0;             // workers that operators or audits have blocked, connected or not
+  int64_t blocked_names = 0;  // workers that operators or audits have blocked, connected or not
 
   // Since the coordinator's start.
   int64_t samples_committed = 0;           // camera samples

@@ -65,21 +65,21 @@ TEST(FarmMetrics, EachFigureHasItsName) {
   metrics.storage.writable = false;
   metrics.storage.free_bytes = 19;
   metrics.storage.room_bytes = 20;
-  EXPECT_THAT(
-      SamplesOf(*monitoring::MakeFarmMetrics([&] { return metrics; })),
-      UnorderedElementsAre(
-          Pair("units_queued", 1), Pair("units_leased", 2), Pair("units_committed_total", 3),
-          Pair("worker_slots", 4), Pair("page_viewers", 5), Pair("workers{idle}", 6),
-          Pair("workers{set_aside}", 7), Pair("workers{busy}", 0), Pair("workers{draining}", 0),
-          Pair("workers{silent}", 0), Pair("workers{blocked}", 0), Pair("jobs{running}", 8),
-          Pair("jobs{paused}", 9), Pair("jobs{submitted}", 0), Pair("jobs{planned}", 0),
-          Pair("jobs{filtering}", 0), Pair("frames{filtering}", 33), Pair("frames{on_workers}", 35),
-                  Pair("frames{waiting}", 34),
-          Pair("blocked_workers", 10), Pair("samples_committed_total", 11), Pair("lease_expiries_total", 12),
-          Pair("unit_retries_total{failed}", 13), Pair("unit_retries_total{stalled}", 14),
-          Pair("received_bytes_total{units}", 15), Pair("received_bytes_total{results}", 37), Pair("received_bytes_total{assets}", 16),
-          Pair("sent_bytes_total{results}", 17), Pair("sent_bytes_total{units}", 36), Pair("sent_bytes_total{assets}", 18),
-          Pair("storage_writable", 0), Pair("disk_free_bytes", 19), Pair("disk_room_bytes", 20)));
+  EXPECT_THAT(SamplesOf(*monitoring::MakeFarmMetrics([&] { return metrics; })),
+              UnorderedElementsAre(
+                  Pair("units_queued", 1), Pair("units_leased", 2), Pair("units_committed_total", 3),
+                  Pair("worker_slots", 4), Pair("page_viewers", 5), Pair("workers{idle}", 6),
+                  Pair("workers{set_aside}", 7), Pair("workers{busy}", 0), Pair("workers{draining}", 0),
+                  Pair("workers{silent}", 0), Pair("workers{blocked}", 0), Pair("jobs{running}", 8),
+                  Pair("jobs{paused}", 9), Pair("jobs{submitted}", 0), Pair("jobs{planned}", 0),
+                  Pair("jobs{filtering}", 0), Pair("frames{filtering}", 33), Pair("frames{on_workers}", 35),
+                  Pair("frames{waiting}", 34), Pair("blocked_workers", 10),
+                  Pair("samples_committed_total", 11), Pair("lease_expiries_total", 12),
+                  Pair("unit_retries_total{failed}", 13), Pair("unit_retries_total{stalled}", 14),
+                  Pair("received_bytes_total{units}", 15), Pair("received_bytes_total{results}", 37),
+                  Pair("received_bytes_total{assets}", 16), Pair("sent_bytes_total{results}", 17),
+                  Pair("sent_bytes_total{units}", 36), Pair("sent_bytes_total{assets}", 18),
+                  Pair("storage_writable", 0), Pair("disk_free_bytes", 19), Pair("disk_room_bytes", 20)));
   metrics.storage.writable = true;
   EXPECT_EQ(SamplesOf(*monitoring::MakeFarmMetrics([&] { return metrics; }))["storage_writable"], 1);
 }

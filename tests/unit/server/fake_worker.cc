@@ -95,6 +95,7 @@ bool FakeWorker::OnMessage(const v1::CoordinatorMessage& message, Stream* stream
     absl::MutexLock lock(&mutex_);
     is_drained_ = true;
   }
+  if (message.has_ack() && ++acknowledged_ == options_.vanish_after_acks) return false;
   if (!message.ack().refused().empty()) {
     absl::MutexLock lock(&mutex_);
     refusals_.push_back(message.ack().refused());

@@ -265,8 +265,8 @@ TEST_F(FrameQueueTest, UsersShareTimeNotFrames) {
       Shares(&*queue_, {{"j-1", absl::Seconds(60)}, {"j-2", absl::Seconds(2)}, {"j-3", absl::Seconds(2)}},
              absl::Hours(4));
   EXPECT_NEAR(had.at("j-1"), .5, .03);
-  EXPECT_NEAR(had.at("j-2"), .25, .03);
-  EXPECT_NEAR(had.at("j-3"), .25, .03);
+  EXPECT_NEAR(had.at("j-2"), .5, .03);
+  EXPECT_FALSE(had.contains("j-3")) << "it waits for the first of its user";
 }
 
 TEST_F(FrameQueueTest, PrioritiesWeighTheShares) {

@@ -1,8 +1,9 @@
 #include "worker/render/environment.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <cstring>
+#include <vector>
 
 #include "filter/image/color.h"
 #include "filter/image/portable_math.h"
@@ -13,32 +14,16 @@ namespace {
 using scene::Vec2;
 using scene::Vec3;
 
-/// The cell of a distribution that contains u, and the position of u within it, 0 to 1.
-struct CellPick {
-  int cell;
-  float fraction;
-};
+/// A texel is read as a vector of four, the last of which is not used.
+using Four [[gnu::vector_size(4 * sizeof(float))]] = float;
 
-/// `cdf` has count + 1 entries from 0 to 1. Cells of weight 0 are never picked.
-CellPick PickCell(const float* cdf, int count, float u) {
-  const float* above = std::upper_bound(cdf + 1, cdf + count, u);
-  const int cell = static_cast<int>(above - cdf) - 1;
-  const float share = cdf[cell + 1] - cdf[cell];
-  return {cell, share > 0 ? std::min((u - cdf[cell]) / share, 1.0f) : 0.5f};
+Four Load(const float* texel) {
+  Four value;
+  std::memcpy(&value, texel, sizeof(value));
+  return value;
 }
 
-/// Writes the cumulative distribution of `weights` to cdf[0..count]; returns the sum of the weights.
-double FillCdf(const double* weights, int count, float* cdf) {
-  double total = 0;
-  for (int i = 0; i < count; ++i) total += weights[i];
-  double sum = 0;
-  for (int i = 0; i < count; ++i) {
-    cdf[i] = total > 0 ? static_cast<float>(sum / total) : static_cast<float>(i) / static_cast<float>(count);
-    sum += weights[i];
-  }
-  cdf[count] = 1;
-  return total;
-}
+Four Mix(Four a, Four b, float t) { return a * (1.0f - t) + b * t; }
 
 }  // namespace
 
@@ -62,14 +47,20 @@ Environment::Environment(const LayeredImage& picture, float rotate_degrees, floa
 
 void Environment::ReadTexels(const LayeredImage& picture, float scale) {
   const ConstColorView color = picture.GetColor("");
-  texels_.reserve(static_cast<size_t>(width_) * static_cast<size_t>(height_));
+  texels_.resize(TexelIndex(0, height_) + 1);
+  float* texel = texels_.data();
   for (int y = 0; y < height_; ++y) {
-    for (int x = 0; x < width_; ++x) {
+    for (int x = 0; x < width_; ++x, texel += kChannels) {
       const Vec3 value = Vec3{color[0].At(x, y), color[1].At(x, y), color[2].At(x, y)} * scale;
       const bool good = std::isfinite(value.x) && std::isfinite(value.y) && std::isfinite(value.z) &&
                         value.x >= 0 && value.y >= 0 && value.z >= 0;
-      if (!good) ++bad_texels_;
-      texels_.push_back(good ? value : Vec3{});
+      if (!good) {
+        ++bad_texels_;
+        continue;
+      }
+      texel[0] = value.x;
+      texel[1] = value.y;
+      texel[2] = value.z;
     }
   }
 }
@@ -80,17 +71,19 @@ std::vector<float> Environment::CellLuminances() const {
   constexpr float kSide = 0.125f;
   constexpr float kMiddle = 0.75f;
   const auto row_begin = [&](int y) { return static_cast<size_t>(y) * static_cast<size_t>(width_); };
-  std::vector<float> across(texels_.size());
+  std::vector<float> across(row_begin(height_));
   for (int y = 0; y < height_; ++y) {
-    const Vec3* row = &texels_[row_begin(y)];
-    const auto at = [&](int x) { return Luminance(row[x].x, row[x].y, row[x].z); };
+    const auto at = [&](int x) {
+      const float* texel = &texels_[TexelIndex(x, y)];
+      return Luminance(texel[0], texel[1], texel[2]);
+    };
     for (int x = 0; x < width_; ++x) {
       const int left = x == 0 ? width_ - 1 : x - 1;
       const int right = x == width_ - 1 ? 0 : x + 1;
       across[row_begin(y) + x] = kSide * (at(left) + at(right)) + kMiddle * at(x);
     }
   }
-  std::vector<float> mean(texels_.size());
+  std::vector<float> mean(across.size());
   for (int y = 0; y < height_; ++y) {
     const float* above = &across[row_begin(std::max(y - 1, 0))];
     const float* here = &across[row_begin(y)];
@@ -111,8 +104,8 @@ void Environment::BuildDistribution() {
   }
   row_cos_.front() = 1;
   row_cos_.back() = -1;
-  const size_t stride = static_cast<size_t>(width_) + 1;
-  column_cdf_.resize(stride * static_cast<size_t>(height_));
+  columns_ = CellDistributions(height_, width_);
+  rows_ = CellDistributions(1, height_);
   std::vector<double> columns(width_);
   std::vector<double> rows(height_);
   for (int y = 0; y < height_; ++y) {
@@ -120,10 +113,9 @@ void Environment::BuildDistribution() {
         2.0 * static_cast<double>(kPi) / width_ * static_cast<double>(row_cos_[y] - row_cos_[y + 1]);
     for (int x = 0; x < width_; ++x)
       columns[x] = static_cast<double>(luminances[static_cast<size_t>(y) * width_ + x]);
-    rows[y] = FillCdf(columns.data(), width_, &column_cdf_[stride * static_cast<size_t>(y)]) * cell_angle;
+    rows[y] = columns_.Fill(y, columns.data()) * cell_angle;
   }
-  row_cdf_.resize(static_cast<size_t>(height_) + 1);
-  fluence_ = FillCdf(rows.data(), height_, row_cdf_.data());
+  fluence_ = rows_.Fill(0, rows.data());
 }
 
 Environment::TexelPoint Environment::PointOf(Vec3 direction) const {
@@ -140,21 +132,23 @@ Vec3 Environment::Interpolate(TexelPoint point) const {
   const float y = point.y - 0.5f;
   const float floor_x = std::floor(x);
   const float floor_y = std::floor(y);
-  const auto left = (static_cast<int>(floor_x) + width_) % width_;
+  int left = static_cast<int>(floor_x);
+  if (left < 0) left += width_;
+  if (left >= width_) left -= width_;
   const int right = left == width_ - 1 ? 0 : left + 1;
   const int top = std::clamp(static_cast<int>(floor_y), 0, height_ - 1);
   const int bottom = std::clamp(static_cast<int>(floor_y) + 1, 0, height_ - 1);
-  const Vec3* upper = &texels_[static_cast<size_t>(top) * static_cast<size_t>(width_)];
-  const Vec3* lower = &texels_[static_cast<size_t>(bottom) * static_cast<size_t>(width_)];
+  const auto at = [this](int column, int row) { return Load(&texels_[TexelIndex(column, row)]); };
   const float fx = x - floor_x;
-  return Lerp(Lerp(upper[left], upper[right], fx), Lerp(lower[left], lower[right], fx), y - floor_y);
+  const Four upper = Mix(at(left, top), at(right, top), fx);
+  const Four value = Mix(upper, Mix(at(left, bottom), at(right, bottom), fx), y - floor_y);
+  return {value[0], value[1], value[2]};
 }
 
 Vec3 Environment::Radiance(Vec3 direction) const { return Interpolate(PointOf(direction)); }
 
 float Environment::CellDensity(int column, int row) const {
-  const float* columns = &column_cdf_[(static_cast<size_t>(width_) + 1) * static_cast<size_t>(row)];
-  const float probability = (row_cdf_[row + 1] - row_cdf_[row]) * (columns[column + 1] - columns[column]);
+  const float probability = rows_.Share(0, row) * columns_.Share(row, column);
   return probability * static_cast<float>(width_) / (2.0f * kPi * (row_cos_[row] - row_cos_[row + 1]));
 }
 
@@ -165,9 +159,8 @@ float Environment::Density(Vec3 direction) const {
 }
 
 EnvironmentSample Environment::Sample(Vec2 u) const {
-  const CellPick row = PickCell(row_cdf_.data(), height_, u.y);
-  const float* columns = &column_cdf_[(static_cast<size_t>(width_) + 1) * static_cast<size_t>(row.cell)];
-  const CellPick column = PickCell(columns, width_, u.x);
+  const CellDistributions::Pick row = rows_.Sample(0, u.y);
+  const CellDistributions::Pick column = columns_.Sample(row.cell, u.x);
   const float y = row_cos_[row.cell] + (row_cos_[row.cell + 1] - row_cos_[row.cell]) * row.fraction;
   const float radius = std::sqrt(std::max(0.0f, 1.0f - y * y));
   const float across = static_cast<float>(column.cell) + column.fraction;

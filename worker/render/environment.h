@@ -1,11 +1,13 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "filter/image/layered_image.h"
+#include "worker/render/cell_distributions.h"
 #include "worker/scene/vec.h"
 
 namespace lumifold::render {
@@ -21,8 +23,7 @@ struct EnvironmentSample {
 /// its width to the right at +Z, its upper edge at +Y. The rotation then turns it counter-clockwise as seen
 /// from above (+X goes towards -Z). Lookup is bilinear, also across the seam. Directions are sampled in
 /// proportion to each texel's mean luminance times its solid angle, uniformly within a texel.
-/// Threads: safe concurrently. Source: Pharr, Jakob & Humphreys 2023, 12.5 (piecewise-constant sampling by
-/// inversion, which preserves the stratification of the random numbers).
+/// Threads: safe concurrently. Source: Pharr, Jakob & Humphreys 2023, 12.5.
 class Environment {
  public:
   /// `picture` holds R, G, B. Errors: kInvalidArgument if it is empty or black, or the rotation or scale is
@@ -45,11 +46,12 @@ class Environment {
 
   /// Memory of its tables.
   uint64_t bytes() const {
-    return texels_.size() * sizeof(scene::Vec3) +
-           (row_cos_.size() + row_cdf_.size() + column_cdf_.size()) * sizeof(float);
+    return (texels_.size() + row_cos_.size()) * sizeof(float) + rows_.bytes() + columns_.bytes();
   }
 
  private:
+  static constexpr size_t kChannels = 3;
+
   struct TexelPoint {
     float x;  // in texels from the left edge
     float y;
@@ -60,6 +62,9 @@ class Environment {
   void ReadTexels(const LayeredImage& picture, float scale);
   void BuildDistribution();
   std::vector<float> CellLuminances() const;
+  size_t TexelIndex(int column, int row) const {
+    return kChannels * (static_cast<size_t>(row) * static_cast<size_t>(width_) + static_cast<size_t>(column));
+  }
   TexelPoint PointOf(scene::Vec3 direction) const;
   scene::Vec3 Interpolate(TexelPoint point) const;
   float CellDensity(int column, int row) const;
@@ -70,10 +75,10 @@ class Environment {
   float cos_turn_ = 1;
   double fluence_ = 0;
   int64_t bad_texels_ = 0;
-  std::vector<scene::Vec3> texels_;  // radiance, scaled
-  std::vector<float> row_cos_;       // height + 1: cosine of the angle to +Y at the rows' edges, from the top
-  std::vector<float> row_cdf_;       // height + 1
-  std::vector<float> column_cdf_;    // width + 1 for each row
+  std::vector<float> texels_;  // radiance, scaled: three channels each, and one number that is read past them
+  std::vector<float> row_cos_;  // height + 1: cosine of the angle to +Y at the rows' edges, from the top
+  CellDistributions rows_;      // one
+  CellDistributions columns_;   // one for each row
 };
 
 }  // namespace lumifold::render

@@ -47,7 +47,7 @@ struct SimJob {
   int64_t leased = 0;  // for the first time
   bool submitted = false;
   bool ended = false;
-  absl::Time served;  // last lease, or submission
+  absl::Time submitted_at;
 
   bool HasFreeUnits() const { return submitted && !ended && leased < total; }
 };
@@ -241,7 +241,7 @@ class Farm {
   void Submit(int index) {
     SimJob& job = jobs_[static_cast<size_t>(index)];
     job.submitted = true;
-    job.served = now_;
+    job.submitted_at = now_;
     Timed([&] {
       scheduler_.jobs().Add(job.id, spec_,
                             {.priority = job.priority,
@@ -270,7 +270,7 @@ class Farm {
       result_.last_leased = now_ - kStart;
     }
     CountWait(job);
-    job.served = now_;
+    served_[{job.user, job.priority}] = now_;
     SimWorker& worker = *Connected(lease.worker.value());
     worker.leases.emplace(lease.attempt.value(), lease);
     began_[lease.attempt.value()] = now_;
@@ -422,8 +422,10 @@ class Farm {
   }
 
   void CountWait(const SimJob& job) {
-    if (now_ - job.served <= result_.longest_wait) return;
-    result_.longest_wait = now_ - job.served;
+    // Jobs of one user and priority take turns.
+    const absl::Duration wait = now_ - std::max(job.submitted_at, served_[{job.user, job.priority}]);
+    if (wait <= result_.longest_wait) return;
+    result_.longest_wait = wait;
     result_.waited_at = now_ - kStart;
   }
 
@@ -504,7 +506,8 @@ class Farm {
   int64_t next_worker_ = 1;
   std::map<int64_t, int64_t> worker_of_;  // index of the worker, by connection
   std::set<UnitRef> first_leased_;
-  std::map<int64_t, absl::Time> began_;  // by attempt
+  std::map<int64_t, absl::Time> began_;               // by attempt
+  std::map<std::pair<int, int>, absl::Time> served_;  // by user and priority, the last lease
   std::map<int64_t, UnitRef> committing_;
   std::set<UnitRef> wrong_;
   std::set<std::string> faulty_;

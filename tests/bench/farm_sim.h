@@ -76,7 +76,7 @@ struct FarmResult {
   /// from beginning to end. A share is weighted, as scheduler.h says.
   double unfairness = 0;
   absl::Duration unfair_at;  // end of that window
-  /// Longest time for which a job with free units got no lease.
+  /// Longest time for which no job of a user and priority got a lease although one had free units.
   absl::Duration longest_wait;
   absl::Duration waited_at;
   /// Calls of the scheduler and the time they took on this machine.

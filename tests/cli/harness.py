@@ -20,7 +20,7 @@ except ImportError:  # deploy/setup.sh --tests installs it
 OUTPUT_SCHEMA = json.loads((pathlib.Path(__file__).parents[2] / "docs/schemas/output.json").read_text())
 # What commands print whose object has another name in the schema.
 SCHEMA_OF = {
-    **dict.fromkeys(("render", "status", "wait", "watch", "list", "cancel", "pause", "resume", "set-priority", "add-samples", "retry"), "job"),
+    **dict.fromkeys(("render", "status", "wait", "watch", "list", "cancel", "pause", "resume", "move-to-front", "set-priority", "add-samples", "retry"), "job"),
     **dict.fromkeys(("workers", "drain", "block", "readmit"), "worker")
 }
 

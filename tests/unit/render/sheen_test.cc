@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "filter/image/portable_math.h"
+
 namespace lumifold::render {
 namespace {
 

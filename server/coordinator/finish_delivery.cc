@@ -27,16 +27,17 @@ struct NamedLease {
   job::Attempt attempt{};
 };
 
-/// Errors: kPermissionDenied where the caller has no such lease.
+/// Errors: kNotFound for a job that is not active, kPermissionDenied where the caller has no such lease.
 absl::StatusOr<NamedLease> FindLease(Farm* farm, const std::string& worker_id, const std::string& caller,
                                      const v1::UnitId& unit, int64_t attempt) {
+  if (farm->jobs.FindActive(job::JobId(unit.job_id())) == nullptr)
+    return absl::NotFoundError(absl::StrCat("no active job ", logging::Quoted(unit.job_id())));
   const std::optional<job::WorkerId> worker = job::ParseWorkerId(worker_id);
   const ConnectedWorker* const connected = worker.has_value() ? farm->workers.Find(*worker) : nullptr;
   const NamedLease lease = {
       worker.value_or(job::WorkerId()), {job::JobId(unit.job_id()), unit.frame()}, job::Attempt(attempt)};
   const bool is_of_caller = connected != nullptr && connected->caller == caller;
   if (!is_of_caller || unit.kind() != v1::UNIT_KIND_RESULT ||
-      farm->jobs.FindActive(lease.frame.first) == nullptr ||
       farm->finish_leases.Find(lease.worker, lease.frame, lease.attempt) == nullptr) {
     return absl::PermissionDeniedError(absl::StrCat("worker ", logging::Quoted(worker_id),
                                                     " has no lease to finish frame ", unit.frame(),

@@ -68,7 +68,7 @@ class PageBrowserTest(unittest.TestCase):
         self.browser.wait(f"return {BRIGHTNESS} > 0", "the first tiles")
         self.shoot("grows")
         first = self.browser.run(f"return {BRIGHTNESS}")
-        self.browser.wait_text("#job-state", "done")
+        self.browser.wait_text("#job-state", "done", seconds=300)
         self.browser.wait(
             "return document.querySelector('#job-progress').getAttribute('aria-valuenow') === '100'", "100 %")
         wait_until(lambda: self.browser.run(f"return {BRIGHTNESS}") > first,

@@ -131,6 +131,7 @@ std::string ProgressPrinter::FirstLine(const ProgressState& state) const {
 void ProgressPrinter::Rewrite(const ProgressState& state) {
   const std::string line = FirstLine(state);
   std::vector<std::string> lines;
+  lines.reserve(state.lines.size());
   for (const std::string& below : state.lines)
     lines.push_back(Cut(absl::StrCat("  ", below), options_.columns));
   if (line == shown_ && lines == lines_) return;

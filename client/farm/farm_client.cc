@@ -112,7 +112,7 @@ class GrpcFarmClient : public FarmClient {
       if (const auto found = GetJob(request.job_id()); !found.ok()) return found.status();
     }
     v1::JobStatus job;
-    const absl::Status status = coordinators_.CallOnce(
+    absl::Status status = coordinators_.CallOnce(
         kOnceTimeout, [&](grpc::ClientContext& context, const std::shared_ptr<grpc::Channel>& channel) {
           return v1::FarmService::NewStub(channel)->RetryJob(&context, request, &job);
         });
@@ -240,7 +240,7 @@ class GrpcFarmClient : public FarmClient {
                                  grpc::Status (Stub::*call)(grpc::ClientContext*, const Request&, Response*),
                                  const Request& request) {
     Response response;
-    const absl::Status status = coordinators_.Call(
+    absl::Status status = coordinators_.Call(
         policy, [&](grpc::ClientContext& context, const std::shared_ptr<grpc::Channel>& channel) {
           return (v1::FarmService::NewStub(channel).get()->*call)(&context, request, &response);
         });

@@ -49,7 +49,7 @@ absl::StatusOr<v1::JobStatus> FollowJob(FarmClient& farm, const std::string& job
   bool lost = false;
   while (true) {
     answered = false;
-    const absl::Status status = farm.WatchJob(job_id, take, tick);
+    absl::Status status = farm.WatchJob(job_id, take, tick);
     if (answered) backoff.Reset();  // an outage begins now, however long nothing has changed before
     if (last.has_value() && HasEnded(*last)) break;
     // A stream that ends before the job is a lost connection, whatever its status.

@@ -18,7 +18,7 @@ absl::StatusOr<CommittedUnits> CommittedUnits::Open(const DataFolder& folder, le
                                                     const ledger::JobRecord& job, int32_t frame) {
   CommittedUnits units(job.id, job.spec);
   absl::Status added;
-  const absl::Status read = store.ForEachUnit(job.id, frame, [&](const ledger::UnitRecord& record) {
+  absl::Status read = store.ForEachUnit(job.id, frame, [&](const ledger::UnitRecord& record) {
     if (added.ok()) added = units.Add(folder, record);
   });
   if (!read.ok()) return read;

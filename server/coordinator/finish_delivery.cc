@@ -34,7 +34,7 @@ absl::StatusOr<NamedLease> FindLease(Farm* farm, const std::string& worker_id, c
     return absl::NotFoundError(absl::StrCat("no active job ", logging::Quoted(unit.job_id())));
   const std::optional<job::WorkerId> worker = job::ParseWorkerId(worker_id);
   const ConnectedWorker* const connected = worker.has_value() ? farm->workers.Find(*worker) : nullptr;
-  const NamedLease lease = {
+  NamedLease lease = {
       worker.value_or(job::WorkerId()), {job::JobId(unit.job_id()), unit.frame()}, job::Attempt(attempt)};
   const bool is_of_caller = connected != nullptr && connected->caller == caller;
   if (!is_of_caller || unit.kind() != v1::UNIT_KIND_RESULT ||

@@ -33,6 +33,11 @@ grpc::Status FakeWorker::Wait() {
   return result_;
 }
 
+int FakeWorker::acknowledged() const {
+  absl::MutexLock lock(&mutex_);
+  return acknowledged_;
+}
+
 int FakeWorker::delivered() const {
   absl::MutexLock lock(&mutex_);
   return delivered_;
@@ -95,7 +100,10 @@ bool FakeWorker::OnMessage(const v1::CoordinatorMessage& message, Stream* stream
     absl::MutexLock lock(&mutex_);
     is_drained_ = true;
   }
-  if (message.has_ack() && ++acknowledged_ == options_.vanish_after_acks) return false;
+  if (message.has_ack()) {
+    absl::MutexLock lock(&mutex_);
+    ++acknowledged_;
+  }
   if (!message.ack().refused().empty()) {
     absl::MutexLock lock(&mutex_);
     refusals_.push_back(message.ack().refused());

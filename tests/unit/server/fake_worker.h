@@ -21,8 +21,6 @@ struct FakeWorkerOptions {
   int wire_version = rpc::kWireVersion;
   /// Breaks the connection within a unit, after this number of complete units.
   int vanish_after = 1'000'000'000;
-  /// Breaks the connection with this acknowledgement.
-  int vanish_after_acks = 1'000'000'000;
   /// Says that it has received each grant. So that this arrives, vanish_after then ends the stream in order.
   bool answers_grants = false;
   /// Changes a message before it is sent.
@@ -42,6 +40,8 @@ class FakeWorker {
   void Vanish() { context_.TryCancel(); }
 
   int delivered() const;
+  /// Units that the coordinator has acknowledged, refused or not.
+  int acknowledged() const;
   std::vector<std::string> ended_jobs() const;
   /// Reasons of the units that the coordinator refused, in order.
   std::vector<std::string> refusals() const;
@@ -61,7 +61,7 @@ class FakeWorker {
   mutable absl::Mutex mutex_;
   bool is_drained_ ABSL_GUARDED_BY(mutex_) = false;
   int delivered_ ABSL_GUARDED_BY(mutex_) = 0;
-  int acknowledged_ = 0;  // of its thread
+  int acknowledged_ ABSL_GUARDED_BY(mutex_) = 0;
   std::vector<std::string> refusals_ ABSL_GUARDED_BY(mutex_);
   std::vector<std::string> ended_jobs_ ABSL_GUARDED_BY(mutex_);
   grpc::Status result_;

@@ -6,7 +6,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
+#include "client/farm/standstill.h"
 #include "client/reports/job_report.h"
+#include "proto/rpc/monotonic.h"
 
 namespace lumifold::client {
 
@@ -34,9 +36,11 @@ absl::StatusOr<v1::JobStatus> FollowJob(FarmClient& farm, const std::string& job
   std::optional<v1::JobStatus> last;
   bool answered = false;  // by the stream that is open
   std::set<std::string> shown_warnings;
+  Standstill standstill;
   const auto take = [&](const v1::JobStatus& job) {
     answered = true;
     last = job;
+    standstill.Note(job, rpc::MonotonicNow());
     for (const std::string& warning : job.warnings()) {
       if (shown_warnings.insert(warning).second) progress.Message(absl::StrCat("warning: ", warning));
     }
@@ -44,7 +48,13 @@ absl::StatusOr<v1::JobStatus> FollowJob(FarmClient& farm, const std::string& job
     on_status(job);
   };
   const auto tick = [&] {
-    if (last.has_value()) progress.Update(ProgressOf(*last));
+    if (!last.has_value()) return;
+    progress.Update(ProgressOf(*last));
+    if (!standstill.IsTimeToAsk(rpc::MonotonicNow())) return;
+    const absl::StatusOr<v1::ExplainJobResponse> answer = farm.ExplainJob(job_id);
+    if (!answer.ok()) return;  // the stream says so
+    for (const std::string& reason : standstill.NewReasons(*answer))
+      progress.Message(absl::StrCat("job ", job_id, " waits: ", reason));
   };
   bool lost = false;
   while (true) {

@@ -16,8 +16,8 @@ namespace lumifold::client {
 ProgressState ProgressOf(const v1::JobStatus& job);
 
 /// Follows a job to its end and returns its last status. Calls `on_status` with each status; `progress` shows
-/// them and each warning of the job once. Reconnects after a broken connection as long as `backoff` allows; a
-/// first connection that fails is an error at once.
+/// them, each warning of the job once and, when nothing changes for some seconds, why. Reconnects after a
+/// broken connection as long as `backoff` allows; a first connection that fails is an error at once.
 /// Errors: those of FarmClient.
 absl::StatusOr<v1::JobStatus> FollowJob(FarmClient& farm, const std::string& job_id, Progress& progress,
                                         Backoff backoff,

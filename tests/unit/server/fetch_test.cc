@@ -78,7 +78,7 @@ TEST_F(FetchTest, UnitsAndResultsOfAFrameAreForTheWorkerThatHasTheLeaseToFinishI
   ASSERT_EQ(worker.AwaitGrant(), job);  // of units, with the same attempt
   for (const std::string& id : {worker.id(), std::string("w-99"), std::string("nobody")}) {
     EXPECT_EQ(FetchUnits(id, job).error_code(), grpc::StatusCode::PERMISSION_DENIED) << id;
-    EXPECT_EQ(FetchUnits(id, "j-none").error_code(), grpc::StatusCode::PERMISSION_DENIED) << id;
+    EXPECT_EQ(FetchUnits(id, "j-none").error_code(), grpc::StatusCode::NOT_FOUND) << id;
     v1::DeliverResultRequest request;
     request.mutable_announce()->set_worker_id(id);
     request.mutable_announce()->mutable_unit()->set_job_id(job);

@@ -27,7 +27,10 @@ TEST_F(ServerProcessTest, KilledAgainAndAgainItLosesNothingItAcknowledged) {
   for (int round = 0; round < 3; ++round) {
     StartProcess();
     EXPECT_GE(Get(job)->units_done(), acknowledged);
-    const auto worker = Worker({.slots = 3, .vanish_after = 3});
+    const auto worker = Worker({.slots = 3, .vanish_after = 6, .spoil = [](v1::WorkerMessage& message) {
+                                  // So slowly that some are acknowledged meanwhile.
+                                  if (message.has_chunk()) absl::SleepFor(absl::Milliseconds(10));
+                                }});
     worker->Wait();
     acknowledged += worker->acknowledged();  // other units may not be committed yet
     EXPECT_EQ(process_->End(SIGKILL), -SIGKILL);

@@ -6,17 +6,15 @@
 
 namespace lumifold::render {
 
-/// Distributions of random numbers over cells, all of the same number of cells, sampled by inversion, which
-/// preserves the stratification of the random numbers. A guide table tells where the search for a number
-/// begins: on average four cells are looked at. Threads: safe concurrently after the last Fill(). Sources:
-/// Pharr, Jakob & Humphreys 2023, A.5; guide table: Chen & Asau 1974.
+/// Piecewise-constant distributions over [0, 1), all of the same number of cells of equal width, sampled by
+/// inversion, which preserves the stratification of the random numbers. A guide table tells where the search
+/// for a number begins: on average four cells are looked at. Threads: safe concurrently after the last
+/// Fill(). Sources: Pharr, Jakob & Humphreys 2023, A.5; guide table: Chen & Asau 1974.
 class CellDistributions {
  public:
   CellDistributions() = default;
   /// Both numbers are above 0. Every distribution has to be filled.
   CellDistributions(int count, int cells);
-
-  bool IsEmpty() const { return cells_ == 0; }
 
   /// Sets a distribution in proportion to `weights`, one for each cell; uniform if all are 0. Returns their
   /// sum.

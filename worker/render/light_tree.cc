@@ -258,7 +258,6 @@ LightTree::Choice LightTree::Pick(const LightReceiver& receiver, float u) const 
   }
   choice.emitter = nodes_[index].link & ~kLeaf;
   choice.probability = probability;
-  choice.fraction = u;
   return choice;
 }
 

@@ -38,7 +38,6 @@ class LightTree {
   struct Choice {
     uint32_t emitter = 0;
     float probability = 0;  // 0: the traversal ended at emitters that do not contribute
-    float fraction = 0;     // position of `u` in [0, 1) within the numbers that select the emitter
   };
 
   /// The emitter that `u` in [0, 1) selects.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <utility>
 
 #include "filter/image/color.h"
@@ -20,6 +19,9 @@ using scene::Vec3;
 /// squared error with 78 emitters (bedroom); with 16 (meeting room) both methods are equal.
 constexpr size_t kMaxEmittersWithoutTree = 32;
 
+/// Finite and infinite lights each get at least this fraction of the samples.
+constexpr double kMinShare = 0.25;
+
 bool IsEmissive(const Material& material) {
   return !material.unlit && MaxComponent(material.emission.radiance) > 0;
 }
@@ -36,6 +38,12 @@ Vec2 TrianglePoint(Vec2 u) {
   return {u.x - least, u.y - least};
 }
 
+double SumOf(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double value : values) sum += value;
+  return sum;
+}
+
 /// Half the diagonal of the scene's bounding box.
 double SceneRadius(const scene::Scene& scene) {
   const scene::Bounds bounds = WorldBounds(scene);
@@ -44,31 +52,41 @@ double SceneRadius(const scene::Scene& scene) {
 
 }  // namespace
 
+/// Power of each light, as luminance.
+struct LightSet::Powers {
+  std::vector<double> finite;    // in the order of emitters: triangles, points
+  std::vector<double> infinite;  // directional lights, environment
+};
+
 LightSet::LightSet(const scene::Scene& scene, const TextureSampler& textures,
                    std::shared_ptr<const Environment> environment)
     : scene_(&scene), textures_(&textures) {
-  LightPowers powers;
+  Powers powers;
   first_of_instance_.assign(scene.instances.size(), -1);
   for (size_t i = 0; i < scene.instances.size(); ++i)
     AddInstance(scene, static_cast<int>(i), textures, &powers.finite);
   const double radius = SceneRadius(scene);
   AddPunctual(scene, radius, &powers);
   AddEnvironment(std::move(environment), radius, &powers);
-  if (powers.AllZero()) return;
 
-  const double finite = std::accumulate(powers.finite.begin(), powers.finite.end(), 0.0);
-  if (powers.finite.size() > kMaxEmittersWithoutTree && finite > 0) {
+  if (powers.finite.size() > kMaxEmittersWithoutTree) {
     std::vector<EmitterBounds> bounds;
     for (size_t i = 0; i < powers.finite.size(); ++i)
       bounds.push_back(BoundsOf(static_cast<uint32_t>(i), powers.finite[i]));
     tree_ = LightTree(bounds);
-    powers.finite = {finite};
+  } else {
+    finite_ = AliasTable(powers.finite);
   }
-  finite_shares_ = powers.finite.size();
-  const std::vector<double> shares = LightShares(powers);
-  shares_ = CellDistributions(1, static_cast<int>(shares.size()));
-  shares_.Fill(0, shares.data());
-  if (environment_ != nullptr) environment_share_ = shares_.Share(0, static_cast<int>(shares.size()) - 1);
+  infinite_ = AliasTable(powers.infinite);
+  const double finite = SumOf(powers.finite);
+  const double infinite = SumOf(powers.infinite);
+  if (finite > 0) {
+    const double share = finite / (finite + infinite);
+    finite_share_ = infinite > 0 ? static_cast<float>(std::clamp(share, kMinShare, 1 - kMinShare)) : 1.0f;
+  }
+  if (environment_ != nullptr)
+    environment_share_ =
+        (1.0f - finite_share_) * infinite_.Probability(static_cast<uint32_t>(directional_.size()));
 }
 
 void LightSet::AddInstance(const scene::Scene& scene, int index, const TextureSampler& textures,
@@ -119,7 +137,7 @@ void LightSet::AddTriangle(const scene::Mesh& mesh, size_t first_index,
   triangles_.push_back(light);
 }
 
-void LightSet::AddPunctual(const scene::Scene& scene, double scene_radius, LightPowers* powers) {
+void LightSet::AddPunctual(const scene::Scene& scene, double scene_radius, Powers* powers) {
   for (const scene::PunctualLight& light : scene.lights) {
     const PunctualEmitter emitter(light);
     (emitter.IsDirectional() ? directional_ : points_).push_back(emitter);
@@ -128,7 +146,7 @@ void LightSet::AddPunctual(const scene::Scene& scene, double scene_radius, Light
 }
 
 void LightSet::AddEnvironment(std::shared_ptr<const Environment> environment, double scene_radius,
-                              LightPowers* powers) {
+                              Powers* powers) {
   if (environment == nullptr) return;
   environment_ = std::move(environment);
   powers->infinite.push_back(environment_->Fluence() * static_cast<double>(kPi) * scene_radius *
@@ -162,22 +180,22 @@ EmitterBounds LightSet::BoundsOf(uint32_t emitter, double power) const {
   return bounds;
 }
 
-LightSample LightSet::Sample(const LightReceiver& from, Vec2 u) const {
-  const CellDistributions::Pick pick = shares_.Sample(0, u.x);
-  const auto light = static_cast<size_t>(pick.cell);
-  float probability = shares_.Share(0, pick.cell);
-  u.x = std::min(pick.fraction, 0x1.fffffep-1f);
-  if (light >= finite_shares_) return SampleInfinite(light - finite_shares_, probability, u);
-  size_t emitter = light;
-  if (!tree_.IsEmpty()) {
-    const LightTree::Choice choice = tree_.Pick(from, u.x);
-    if (choice.probability <= 0) return {};
-    probability *= choice.probability;
-    emitter = choice.emitter;
-    u.x = choice.fraction;
-  }
-  if (emitter < triangles_.size()) return SampleTriangle(triangles_[emitter], probability, from.position, u);
-  return SamplePunctual(points_[emitter - triangles_.size()], probability, from.position);
+LightTree::Choice LightSet::PickFinite(const LightReceiver& from, float u_light) const {
+  if (!tree_.IsEmpty()) return tree_.Pick(from, u_light);
+  LightTree::Choice choice;
+  choice.emitter = finite_.Pick(u_light);
+  choice.probability = finite_.Probability(choice.emitter);
+  return choice;
+}
+
+LightSample LightSet::Sample(const LightReceiver& from, float u_light, Vec2 u) const {
+  if (u_light >= finite_share_) return SampleInfinite((u_light - finite_share_) / (1.0f - finite_share_), u);
+  const LightTree::Choice choice = PickFinite(from, finite_share_ < 1 ? u_light / finite_share_ : u_light);
+  if (choice.probability <= 0) return {};
+  const float probability = finite_share_ * choice.probability;
+  if (choice.emitter < triangles_.size())
+    return SampleTriangle(triangles_[choice.emitter], probability, from.position, u);
+  return SamplePunctual(points_[choice.emitter - triangles_.size()], probability, from.position);
 }
 
 LightSample LightSet::SampleTriangle(const Triangle& light, float probability, Vec3 from, Vec2 u) const {
@@ -216,8 +234,10 @@ LightSample LightSet::SamplePunctual(const PunctualEmitter& light, float probabi
   return sample;
 }
 
-LightSample LightSet::SampleInfinite(size_t index, float probability, Vec2 u) const {
+LightSample LightSet::SampleInfinite(float u_light, Vec2 u) const {
   LightSample sample;
+  const uint32_t index = infinite_.Pick(u_light);
+  const float probability = (1.0f - finite_share_) * infinite_.Probability(index);
   if (index < directional_.size()) {
     sample.is_delta = true;
     sample.direction = -directional_[index].axis();
@@ -234,11 +254,10 @@ LightSample LightSet::SampleInfinite(size_t index, float probability, Vec2 u) co
 
 float LightSet::DensityOfHit(const LightReceiver& from, int instance, uint32_t triangle, float distance,
                              float cos_light) const {
-  if (first_of_instance_[instance] < 0 || cos_light <= 0 || IsEmpty()) return 0;
+  if (first_of_instance_[instance] < 0 || cos_light <= 0 || finite_share_ <= 0) return 0;
   const auto emitter = static_cast<uint32_t>(first_of_instance_[instance] + triangle);
-  const float probability = tree_.IsEmpty() ? shares_.Share(0, static_cast<int>(emitter))
-                                            : shares_.Share(0, 0) * tree_.Probability(from, emitter);
-  return probability * triangles_[emitter].inverse_area * distance * distance / cos_light;
+  const float choice = tree_.IsEmpty() ? finite_.Probability(emitter) : tree_.Probability(from, emitter);
+  return finite_share_ * choice * triangles_[emitter].inverse_area * distance * distance / cos_light;
 }
 
 }  // namespace lumifold::render

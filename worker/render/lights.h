@@ -5,10 +5,9 @@
 #include <memory>
 #include <vector>
 
-#include "worker/render/cell_distributions.h"
+#include "worker/render/alias_table.h"
 #include "worker/render/embree_scene.h"
 #include "worker/render/environment.h"
-#include "worker/render/light_shares.h"
 #include "worker/render/light_tree.h"
 #include "worker/render/punctual.h"
 #include "worker/render/texture.h"
@@ -25,22 +24,22 @@ struct LightSample {
   bool is_delta = false;  // a delta light (point, spot, directional): sampled directions cannot hit it
 };
 
-/// All lights of a scene: emissive triangles, punctual lights and the environment. One of them is sampled by
-/// LightShares(); if there are many finite ones, they have one share together, and a light tree selects among
-/// them. Threads: safe concurrently. Keeps pointers to its constructor's arguments.
+/// All lights of a scene: emissive triangles, punctual lights and the environment. One of them is sampled in
+/// proportion to power, or by a light tree if there are many. If there are both finite and infinite lights,
+/// each kind gets at least a quarter of the samples, because the power of infinite lights says little about
+/// how much of it gets indoors. Threads: safe concurrently. Keeps pointers to its constructor's arguments.
 class LightSet {
  public:
   /// `environment` may be null.
   LightSet(const scene::Scene& scene, const TextureSampler& textures,
            std::shared_ptr<const Environment> environment);
 
-  bool IsEmpty() const { return shares_.IsEmpty(); }
+  bool IsEmpty() const { return finite_share_ <= 0 && infinite_.IsEmpty(); }
   bool HasEnvironment() const { return environment_ != nullptr; }
 
-  /// Samples a light for the shading point `from`; the set must not be empty. `u` selects the light by its
-  /// first coordinate and the point on it by both: each light has a strip of the square, so that stratified
-  /// numbers are stratified within each light too.
-  LightSample Sample(const LightReceiver& from, scene::Vec2 u) const;
+  /// Samples a light for the shading point `from`; `u_light` (selects the light) and `u` are random numbers
+  /// in [0, 1). The set must not be empty.
+  LightSample Sample(const LightReceiver& from, float u_light, scene::Vec2 u) const;
 
   /// The density, per steradian at `from`, with which Sample() returns the point of this triangle at
   /// `distance`, where the direction has the cosine `cos_light` to its normal; 0 if it is no light.
@@ -68,20 +67,21 @@ class LightSet {
     uint32_t number = 0;                        // of the triangle in its mesh
     scene::Vec2 uv[2][3];                       // [set][corner]
   };
+  struct Powers;
 
   void AddInstance(const scene::Scene& scene, int index, const TextureSampler& textures,
                    std::vector<double>* powers);
   void AddTriangle(const scene::Mesh& mesh, size_t first_index, const scene::Affine& world_from_object,
                    double luminance, std::vector<double>* powers);
-  void AddPunctual(const scene::Scene& scene, double scene_radius, LightPowers* powers);
-  void AddEnvironment(std::shared_ptr<const Environment> environment, double scene_radius,
-                      LightPowers* powers);
+  void AddPunctual(const scene::Scene& scene, double scene_radius, Powers* powers);
+  void AddEnvironment(std::shared_ptr<const Environment> environment, double scene_radius, Powers* powers);
   EmitterBounds BoundsOf(uint32_t emitter, double power) const;
+  LightTree::Choice PickFinite(const LightReceiver& from, float u_light) const;
   // Of a light that was picked with this probability. Each sample is built where the caller keeps it: a copy
   // of what was just written in parts waits for these stores.
   LightSample SampleTriangle(const Triangle& light, float probability, scene::Vec3 from, scene::Vec2 u) const;
   LightSample SamplePunctual(const PunctualEmitter& light, float probability, scene::Vec3 from) const;
-  LightSample SampleInfinite(size_t index, float probability, scene::Vec2 u) const;
+  LightSample SampleInfinite(float u_light, scene::Vec2 u) const;
 
   const scene::Scene* scene_;
   const TextureSampler* textures_;
@@ -90,11 +90,10 @@ class LightSet {
   std::vector<PunctualEmitter> points_;     // points and spots; finite emitters, numbered after the triangles
   std::vector<PunctualEmitter> directional_;
   std::shared_ptr<const Environment> environment_;
-  LightTree tree_;  // of the finite emitters, if they are many
-  /// One distribution: of finite emitters, or of all of them as one if there is a tree; then of directional
-  /// lights, then of the environment. Empty if there is no light.
-  CellDistributions shares_;
-  size_t finite_shares_ = 0;     // number of shares of finite emitters
+  AliasTable finite_;  // by power; empty if there is a tree
+  LightTree tree_;
+  AliasTable infinite_;          // directional lights, then the environment
+  float finite_share_ = 0;       // fraction of samples for finite lights
   float environment_share_ = 0;  // fraction of samples for the environment
 };
 

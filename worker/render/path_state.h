@@ -15,14 +15,12 @@ inline LightReceiver ReceiverAt(const Surface& surface) { return {surface.positi
 class PathTracer::PathSampler {
  public:
   /// The dimension pairs of one path vertex, in order.
-  enum Pair : uint32_t { kLobe, kLight, kDirection, kPairsPerSurface };
+  enum Pair : uint32_t { kLightAndLobe, kLightPoint, kDirection, kPairsPerSurface };
 
   explicit PathSampler(const Sampler& sampler, uint32_t first_pair = kCameraPair + 1)
       : sampler_(&sampler), first_pair_(first_pair) {}
 
   Vec2 Get2D(int vertex, Pair pair) const { return sampler_->Get2D(PairOf(vertex, pair)); }
-  /// The number that selects the lobe.
-  float Lobe(int vertex) const { return Get2D(vertex, kLobe).y; }
   /// Random key of the ray that leaves path vertex number `vertex`.
   uint64_t Key(int vertex) const { return sampler_->Key(PairOf(vertex, kDirection)); }
 
@@ -90,10 +88,15 @@ struct PathTracer::FirstSurface {
   float distance;  // along the camera ray
 
   FirstSurface(const PathTracer& tracer, const Hit& hit, const Ray& ray, const PathSampler& random)
+      : FirstSurface(tracer, hit, ray, random, random.Get2D(0, PathSampler::kLightAndLobe)) {}
+
+ private:
+  FirstSurface(const PathTracer& tracer, const Hit& hit, const Ray& ray, const PathSampler& random,
+               Vec2 light_and_lobe)
       : surface(tracer.surfaces_.Read(hit, ray)),
         bsdf(tracer.MakeBsdf<BsdfType>(surface, -ray.direction)),
-        connection(tracer.SampleLight(surface, bsdf, random, 0)),
-        u_lobe(random.Lobe(0)),
+        connection(tracer.SampleLight(surface, bsdf, light_and_lobe.x, random, 0)),
+        u_lobe(light_and_lobe.y),
         instance(hit.instance),
         distance(hit.distance) {}
 };

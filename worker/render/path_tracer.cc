@@ -117,11 +117,12 @@ float PathTracer::LightSampleWeight(const LightSample& sample, float bsdf_pdf) c
 }
 
 template <typename BsdfType>
-PathTracer::Connection PathTracer::SampleLight(const Surface& surface, const BsdfType& bsdf,
+PathTracer::Connection PathTracer::SampleLight(const Surface& surface, const BsdfType& bsdf, float u_light,
                                                const PathSampler& random, int vertex) const {
   Connection out;
   if (lights_.IsEmpty() || !bsdf.HasNonDeltaLobe()) return out;
-  const LightSample sample = lights_.Sample(ReceiverAt(surface), random.Get2D(vertex, PathSampler::kLight));
+  const LightSample sample =
+      lights_.Sample(ReceiverAt(surface), u_light, random.Get2D(vertex, PathSampler::kLightPoint));
   if (sample.pdf <= 0) return out;
   float bsdf_pdf = 0;
   out.value = bsdf.Evaluate(sample.direction, &bsdf_pdf);
@@ -133,9 +134,9 @@ PathTracer::Connection PathTracer::SampleLight(const Surface& surface, const Bsd
 }
 
 template <typename BsdfType>
-PathTracer::Connection PathTracer::ConnectToLight(const Surface& surface, const BsdfType& bsdf,
+PathTracer::Connection PathTracer::ConnectToLight(const Surface& surface, const BsdfType& bsdf, float u_light,
                                                   const PathSampler& random, int vertex) const {
-  Connection out = SampleLight(surface, bsdf, random, vertex);
+  Connection out = SampleLight(surface, bsdf, u_light, random, vertex);
   if (!out.IsBlack()) out.light *= visibility_.Transmittance(out.ray);
   return out;
 }
@@ -201,12 +202,13 @@ PathTracer::IncidentRadiance PathTracer::TraceIncident(PathSegment* segment, int
     if (scatterings > max_bounces_) return incident;
 
     const auto bsdf = MakeBsdf<BsdfType>(surface, -segment->ray.direction);
+    const Vec2 light_and_lobe = random.Get2D(vertex, PathSampler::kLightAndLobe);
     if (indirect == Indirect::kTraced) {
-      const Connection connection = ConnectToLight(surface, bsdf, random, vertex);
+      const Connection connection = ConnectToLight(surface, bsdf, light_and_lobe.x, random, vertex);
       incident.indirect += throughput * TotalOf(connection.value, bsdf) * connection.light;
     }
 
-    float u_lobe = random.Lobe(vertex);
+    float u_lobe = light_and_lobe.y;
     const float next_throughput = MaxComponent(path_throughput * throughput * bsdf.Albedo());
     if (record != nullptr) {
       if (record->size() == kMaxRecordedVertices) return incident;
@@ -286,9 +288,10 @@ void PathTracer::TraceDeltaChain(const Surface& first, const BsdfSample& event, 
     if (depth > max_bounces_) return;
 
     const Bsdf bsdf = MakeBsdf(surface, -next.ray.direction);
-    const Connection connection = ConnectToLight(surface, bsdf, random, depth);
+    const Vec2 light_and_lobe = random.Get2D(depth, PathSampler::kLightAndLobe);
+    const Connection connection = ConnectToLight(surface, bsdf, light_and_lobe.x, random, depth);
     const ScatteredRadiance scattered =
-        Scatter(surface, bsdf, connection, random.Lobe(depth), depth, throughput, random);
+        Scatter(surface, bsdf, connection, light_and_lobe.y, depth, throughput, random);
     level.has_diffuse = bsdf.HasDiffuse();
     level.albedo = throughput * bsdf.DiffuseAlbedo();
     level.direct = scattered.direct;

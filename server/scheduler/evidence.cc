@@ -31,6 +31,7 @@ const Evidence::Record& Evidence::AddFailure(const UnitIndex& unit, WorkerId id,
   record.last_error = error;
   Statement& statement = record.statements[worker.traits.party];
   statement.witness = statement.witness || worker.units_done > 0;
+  statement.instance = worker.traits.instance;
   if (++statement.failures >= max_failures_ || permanent)
     CallImpossible(unit, worker.traits.party, &statement, now);
   return record;
@@ -131,10 +132,11 @@ void Evidence::AddWitness(const std::string& party) {
   }
 }
 
-void Evidence::AddProcess(const std::string& party) {
+void Evidence::AddProcess(const std::string& party, uint64_t instance) {
+  if (instance == 0) return;  // nobody knows whether it is another one
   for (auto& [unit, record] : records_) {
     const auto own = record.statements.find(party);
-    if (own == record.statements.end() || own->second.by_loss) continue;
+    if (own == record.statements.end() || own->second.by_loss || own->second.instance == instance) continue;
     record.statements.erase(own);
     excluded_.erase({unit.job, party});
   }

@@ -30,6 +30,7 @@ class Evidence {
     bool impossible = false;
     bool by_loss = false;
     bool witness = false;
+    uint64_t instance = 0;  // of the process that said so last, see WorkerTraits
   };
   struct Record {
     int failures = 0;  // of all parties
@@ -81,8 +82,9 @@ class Evidence {
   std::set<job::WorkerId> Refute(const UnitIndex& unit);
   /// The party has delivered its first unit; what it said before counts as that of a witness. O(records).
   void AddWitness(const std::string& party);
-  /// A new process of the party is here, which may render what an earlier one reported as impossible.
-  void AddProcess(const std::string& party);
+  /// A process of the party has connected. What another one reported as impossible this one may render; what
+  /// it reported itself before its connection broke holds. O(records).
+  void AddProcess(const std::string& party, uint64_t instance);
   void EndJob(int64_t job);
 
  private:

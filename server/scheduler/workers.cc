@@ -15,10 +15,9 @@ void Workers::Add(WorkerId worker, const WorkerTraits& traits) {
   WorkerTraits named = traits;
   if (named.name.empty()) named.name = job::TextOf(worker);
   if (named.party.empty()) named.party = named.name;
-  const bool is_new_process = named.instance == 0 || !connections_.contains(named.instance);
   EndEarlierConnection(worker, named);
   state_->workers.Add(worker, named);
-  if (is_new_process) state_->evidence.AddProcess(named.party);
+  state_->evidence.AddProcess(named.party, named.instance);
   watch_->TakeBackLosses(worker);
   if (!state_->health.IsBlocked(named.name)) return;
   state_->workers.Change(worker, [](Worker& changed) { changed.blocked = true; });

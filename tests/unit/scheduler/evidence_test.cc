@@ -14,8 +14,10 @@ using ::testing::IsEmpty;
 
 constexpr absl::Duration kExclusion = absl::Minutes(5);
 
-Worker MakeWorker(const std::string& name, const std::string& party, int64_t units_done = 0) {
+Worker MakeWorker(const std::string& name, const std::string& party, uint64_t instance,
+                  int64_t units_done = 0) {
   Worker worker;
+  worker.traits.instance = instance;
   worker.traits.name = name;
   worker.traits.party = party;
   worker.units_done = units_done;
@@ -30,9 +32,9 @@ class EvidenceTest : public ::testing::Test {
                                 kNow);
   }
 
-  const Worker ann_ = MakeWorker("ann:1", "ann");
-  const Worker ann_again_ = MakeWorker("ann:2", "ann");
-  const Worker ben_ = MakeWorker("ben:1", "ben", 5);
+  const Worker ann_ = MakeWorker("ann:1", "ann", 1);
+  const Worker ann_again_ = MakeWorker("ann:2", "ann", 2);
+  const Worker ben_ = MakeWorker("ben:1", "ben", 3, 5);
   Evidence evidence_{{.disputes = {.max_failures = 3}, .cool_down = kExclusion}};
 };
 
@@ -79,10 +81,14 @@ TEST_F(EvidenceTest, ANewProcessIsAskedAgainUnlessTheLastOneDied) {
   Fail(kFirst, 1, ann_, true);
   Fail(kOfOther, 3, ben_, true);
   evidence_.AddLoss(kSecond, "ben", true, "lost", kNow);
-  evidence_.AddProcess("ann");
+  evidence_.AddProcess("ann", 1);
+  evidence_.AddProcess("ann", 0);
+  EXPECT_TRUE(evidence_.IsExcluded(7, "ann", kNow)) << "its connection broke, or nobody knows";
+  EXPECT_EQ(evidence_.Find(kFirst)->Parties(), 1);
+  evidence_.AddProcess("ann", 2);
   EXPECT_FALSE(evidence_.IsExcluded(7, "ann", kNow));
   EXPECT_EQ(evidence_.Find(kFirst)->Parties(), 0);
-  evidence_.AddProcess("ben");
+  evidence_.AddProcess("ben", 4);
   EXPECT_FALSE(evidence_.IsExcluded(8, "ben", kNow));
   EXPECT_EQ(evidence_.Find(kSecond)->Parties(), 1);
   EXPECT_TRUE(evidence_.IsExcluded(7, "ben", kNow));

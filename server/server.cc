@@ -27,7 +27,6 @@
 #include "proto/monitoring/process.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
-#include "proto/sandbox/sandbox.h"
 #include "proto/threads/event.h"
 #include "server/access/access_control.h"
 #include "server/access/audit_log.h"
@@ -49,6 +48,7 @@
 #include "server/net/connection_limits.h"
 #include "server/net/listener.h"
 #include "server/page/status_page.h"
+#include "server/picture/make_picture.h"
 #include "server/preview/make_preview.h"
 #include "server/preview/preview_maker.h"
 #include "server/services/access_service.h"
@@ -67,8 +67,6 @@ namespace {
 constexpr absl::Duration kGrace = absl::Milliseconds(100);
 /// Time between two looks for streams that have stalled.
 constexpr absl::Duration kStallInterval = absl::Seconds(1);
-/// One in: the rest of the memory is for the coordinator and for files that are read again.
-constexpr uint64_t kFinishMemoryPart = 2;
 constexpr size_t kPageKeyBytes = 32;
 
 ServerOptions WithEvents(ServerOptions options, const std::shared_ptr<logging::JobLabels>& labels,
@@ -273,7 +271,7 @@ absl::Status ServerImpl::OpenCoordinator() {
                    .only_one = options_.only_one_worker},
        .finishing = {.processes = options_.filter.processes,
                      .threads = options_.filter.threads,
-                     .memory_bytes = sandbox::UsableMemoryBytes() / kFinishMemoryPart,
+                     .memory_bytes = MemoryForPictures(),
                      .frame_memory_bytes = options_.filter.memory_limit_bytes},
        .now = options_.now,
        .wall_now = options_.wall_now,

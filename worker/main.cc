@@ -35,6 +35,7 @@
 #include "proto/sandbox/sandbox.h"
 #include "proto/service/service_manager.h"
 #include "proto/threads/event.h"
+#include "server/picture/make_picture.h"
 #include "spdlog/spdlog.h"
 #include "worker/cache/asset_folder.h"
 #include "worker/connection/certificate_renewal.h"
@@ -347,13 +348,6 @@ int ExitCodeOf(const absl::Status& status, spdlog::logger& log) {
   return Fail(status);
 }
 
-/// Half of its memory: the rest is for scenes.
-uint64_t MemoryForFrames(const Flags& flags) {
-  const uint64_t usable = sandbox::UsableMemoryBytes();
-  const uint64_t limit = flags.sandbox.memory_mb.value_or(0) << 20;
-  return (limit == 0 ? usable : std::min(usable, limit)) / 2;
-}
-
 int RunWorkerProcess(const Flags& flags) {
   if (flags.log.format == "json") setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);  // its lines are no JSON
   const absl::Time start = lumifold::rpc::MonotonicNow();
@@ -390,7 +384,7 @@ int RunWorkerProcess(const Flags& flags) {
       .threads = flags.threads,
       .tags = flags.tags,
       .finishes = flags.finish == "auto" ? flags.threads : 0,
-      .finish_memory_bytes = MemoryForFrames(flags),
+      .finish_memory_bytes = lumifold::server::MemoryForPictures(flags.sandbox.memory_mb.value_or(0) << 20),
       .log = worker_log,
       .asset_folder = has_cache.ok() ? flags.asset_cache.folder : "",
       .asset_folder_bytes = flags.asset_cache.gb << 30,

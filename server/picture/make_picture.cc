@@ -7,6 +7,7 @@
 
 #include "filter/image/layers.h"
 #include "filter/methods.h"
+#include "proto/sandbox/sandbox.h"
 #include "server/film/result_writer.h"
 #include "server/film/unit_film.h"
 #include "server/picture/filtered_round.h"
@@ -197,6 +198,11 @@ uint64_t PictureMemoryOf(const v1::JobSpec& spec) {
   // With adaptive sampling all of the frame at once, before a round and after it.
   const int64_t pixels = spec.has_adaptive() ? 2 * frame : std::min(frame, filter::BlockParams().whole);
   return kProcessBytes + static_cast<uint64_t>(pixels) * kBytesPerPixel;
+}
+
+uint64_t MemoryForPictures(uint64_t limit) {
+  const uint64_t usable = sandbox::UsableMemoryBytes();
+  return (limit == 0 ? usable : std::min(usable, limit)) / 2;
 }
 
 bool IsOneBlock(const v1::JobSpec& spec) {

@@ -4,6 +4,8 @@
 #include <set>
 #include <utility>
 
+#include "filter/image/check.h"
+
 namespace lumifold::server {
 namespace {
 
@@ -108,9 +110,15 @@ RunningFrame FrameQueue::Start(const scheduler::FairShare::Candidate& first,
   return frame;
 }
 
-void FrameQueue::End(const FrameKey& key, absl::Time now) {
+std::vector<RunningFrame>::iterator FrameQueue::FindRunning(const FrameKey& key) {
   const auto frame = std::find_if(running_.begin(), running_.end(),
                                   [&](const RunningFrame& other) { return other.due.key() == key; });
+  LUMIFOLD_CHECK(frame != running_.end());
+  return frame;
+}
+
+void FrameQueue::End(const FrameKey& key, absl::Time now) {
+  const auto frame = FindRunning(key);
   // Of a job that has ended, and perhaps begun again, nothing is charged.
   const auto number = numbers_.find(key.first);
   if (number != numbers_.end() && number->second == frame->job_number)
@@ -120,8 +128,7 @@ void FrameQueue::End(const FrameKey& key, absl::Time now) {
 }
 
 void FrameQueue::ComeBack(const FrameKey& key, absl::Time now) {
-  const auto frame = std::find_if(running_.begin(), running_.end(),
-                                  [&](const RunningFrame& other) { return other.due.key() == key; });
+  const auto frame = FindRunning(key);
   DueFrame due = frame->due;
   const bool is_wanted = !frame->is_stale && numbers_.contains(key.first);
   End(key, now);

@@ -86,6 +86,7 @@ class FrameQueue {
   /// The same for a worker, where Begin has none. `find_worker` has a place for a frame, or not.
   std::optional<RunningFrame> BeginAway(
       absl::Time now, absl::FunctionRef<std::optional<job::WorkerId>(const DueFrame&)> find_worker);
+  /// Of a frame that is running, as ComeBack.
   void End(const FrameKey& frame, absl::Time now);
   /// Ends a frame that a worker has not finished. It is queued again, for this coordinator.
   void ComeBack(const FrameKey& frame, absl::Time now);
@@ -115,6 +116,8 @@ class FrameQueue {
   }
   /// Jobs with a frame that may be finished now are ready for the next place.
   void FindReady(absl::Time now);
+  /// The frame is running.
+  std::vector<RunningFrame>::iterator FindRunning(const FrameKey& frame);
   /// The frame of a job that begins next.
   std::deque<DueFrame>::iterator FirstOf(int64_t job, absl::Time now);
   RunningFrame Start(const scheduler::FairShare::Candidate& first, std::deque<DueFrame>::iterator due,

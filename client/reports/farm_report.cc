@@ -125,7 +125,7 @@ std::string ServerStatusText(const v1::ServerStatus& status) {
     line("storage failed at", UtcTimeText(status.storage_error_since_unix_ms()));
   line("free", absl::StrFormat("%.1f GB", static_cast<double>(status.free_bytes()) * 1e-9));
   line("workers", status.workers());
-  line("leases", status.leases(), " of ", status.slots());
+  line("leases", status.leases(), ", slots ", status.slots());
   line("active jobs", status.active_jobs());
   line("frames in flight", status.frames_in_flight());
   line("encrypted", status.insecure() ? "no" : "yes");

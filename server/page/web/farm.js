@@ -58,7 +58,7 @@ export class JobEntry {
 export function workerItem(worker, actions) {
   const state = WORKER_STATES[worker.state] ?? worker.state;
   const speed = worker.seconds_per_unit > 0 ? ` · ${worker.seconds_per_unit.toFixed(2)} s a unit` : "";
-  const about = `${worker.leases} of ${worker.slots} slots · ${worker.units_done} units${speed}`
+  const about = `${worker.leases} leases, ${worker.slots} slots · ${worker.units_done} units${speed}`
     + (Number(worker.units_failed) ? ` · ${worker.units_failed} failed` : "");
   const item = make("li", {},
     make("div", {className: "row"},
@@ -94,7 +94,7 @@ export function problemsOf(server, workers, jobs) {
 /** Terms and their values for the description list of the farm. */
 export function serverFacts(server) {
   const facts = [
-    ["Slots", `${server.leases} of ${server.slots} at work`], ["Active jobs", server.active_jobs],
+    ["Leases", `${server.leases}, with ${server.slots} slots`], ["Active jobs", server.active_jobs],
     ["Disk", `${bytes(server.free_bytes)} free`], ["Version", server.version],
   ];
   if (server.insecure) facts.push(["Connections", "not encrypted"]);

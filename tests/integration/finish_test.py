@@ -1,6 +1,7 @@
 """Frames are finished by workers where the coordinator has no place: the files are the same, byte for byte, whoever
 finishes them and whoever is killed meanwhile."""
 
+import contextlib
 import pathlib
 import re
 import tempfile
@@ -68,39 +69,32 @@ class FinishTest(unittest.TestCase):
             self.assertEqual(farm.server.log_text().count("event=frame_leased"), finished)
             self.assertEqual(farm.server.log_text().count("event=frame_finished"), FRAMES)
 
-    def test_a_killed_worker_costs_time_only(self):
+    @contextlib.contextmanager
+    def a_leased_frame(self, *options):
+        """A farm whose first worker has a frame to finish; what happens then changes no file."""
         with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
-            workers = [farm.start_worker(threads=2) for _ in range(2)]
+            workers = [farm.start_worker(*options, threads=2) for _ in range(2)]
             job = self.submit(farm)
             self.await_lease(farm, workers[0])
-            workers[0].kill()
+            yield farm, workers[0]
             self.expect_same(data, farm, job)
+
+    def test_a_killed_worker_costs_time_only(self):
+        with self.a_leased_frame() as (_, worker):
+            worker.kill()
 
     def test_a_worker_that_hangs_costs_time_only(self):
-        with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
-            workers = [farm.start_worker(threads=2) for _ in range(2)]
-            job = self.submit(farm)
-            self.await_lease(farm, workers[0])
-            workers[0].pause()
-            self.expect_same(data, farm, job)
-            workers[0].resume()
+        with self.a_leased_frame() as (_, worker):
+            worker.pause()
 
     def test_a_killed_coordinator_finishes_the_rest(self):
-        with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
-            workers = [farm.start_worker(threads=2) for _ in range(2)]
-            job = self.submit(farm)
-            self.await_lease(farm, workers[0])
+        with self.a_leased_frame() as (farm, _):
             farm.server.kill()
             farm.restart_server()
-            self.expect_same(data, farm, job)
 
     def test_a_worker_that_leaves_hands_its_frames_back(self):
-        with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
-            workers = [farm.start_worker("--drain-seconds", "0", threads=2) for _ in range(2)]
-            job = self.submit(farm)
-            self.await_lease(farm, workers[0])
-            self.assertEqual(workers[0].stop(), 0)
-            self.expect_same(data, farm, job)
+        with self.a_leased_frame("--drain-seconds", "0") as (_, worker):
+            self.assertEqual(worker.stop(), 0)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ set -euo pipefail
 
 packages=(
   g++ cmake ninja-build ccache pkg-config ca-certificates
-  libembree-dev libdraco-dev libopenexr-dev libpng-dev libjpeg-dev libtinygltf-dev nlohmann-json3-dev
+  libembree-dev libdraco-dev libmeshoptimizer-dev libwebp-dev libopenexr-dev libpng-dev libjpeg-dev libtinygltf-dev nlohmann-json3-dev
   libgrpc++-dev protobuf-compiler protobuf-compiler-grpc libprotobuf-dev libabsl-dev
   libspdlog-dev libfmt-dev libcli11-dev libyaml-cpp-dev libopencolorio-dev libsqlite3-dev libpq-dev libssl-dev libxxhash-dev libzstd-dev
   prometheus-cpp-dev libboost-dev libseccomp-dev zlib1g-dev

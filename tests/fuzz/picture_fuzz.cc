@@ -9,7 +9,7 @@
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/support/gltf_fixture.h"
 #include "tests/support/temp_folder.h"
-#include "worker/scene/images.h"
+#include "worker/scene/images/decode_image.h"
 
 namespace lumifold::fuzz {
 namespace {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/base/thread_annotations.h"
+#include "absl/cleanup/cleanup.h"
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
@@ -36,7 +37,13 @@ class ContentCache {
       if (Value value = Find(key)) return value;
       making_.insert(key);
     }
+    // Also where `make` throws: those who wait for it try in its place.
+    absl::Cleanup settle = [&] {
+      absl::MutexLock lock(&mutex_);
+      making_.erase(key);
+    };
     absl::StatusOr<Value> value = make();
+    std::move(settle).Cancel();
     absl::MutexLock lock(&mutex_);
     making_.erase(key);
     if (value.ok()) Keep(key, *value, bytes_of(**value));

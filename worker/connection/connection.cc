@@ -446,7 +446,7 @@ class Worker {
   AssetFolder folder_;
   AssetCache cache_{options_.asset_folder.empty() ? static_cast<AssetSource*>(&fetched_) : &folder_,
                     kAssetCacheBytes};
-  UnitRenderer renderer_{&cache_};
+  UnitRenderer renderer_{&cache_, options_.threads};
   const std::unique_ptr<SpecSource> spec_source_;
   SpecCache specs_{spec_source_.get()};
   const std::unique_ptr<FrameLink> frame_link_;

@@ -12,7 +12,9 @@ using scene::Material;
 using scene::Mesh;
 using scene::Scene;
 
+/// A cutoff above 1 masks everything out, alpha or not.
 bool HasAlpha(const Material& material, const Mesh& mesh) {
+  if (material.alpha_mode == scene::AlphaMode::kMask && material.alpha_cutoff > 1) return true;
   return material.alpha_mode != scene::AlphaMode::kOpaque &&
          (material.base.alpha < 1 || material.base.color_texture.texture != scene::kNone ||
           !mesh.colors.empty());

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "nlohmann/json.hpp"
+#include "worker/scene/compressed_views.h"
 #include "worker/scene/uri.h"
 
 namespace lumifold::scene {
@@ -172,6 +173,7 @@ absl::StatusOr<std::string_view> ReadBuffer(const json& buffer, bool is_first, c
   const auto length = buffer.find("byteLength");
   if (length == buffer.end() || !length->is_number_unsigned())
     return absl::InvalidArgumentError("no byteLength");
+  if (IsFallbackBuffer(buffer)) return std::string_view();
   const std::string uri = StringOr(buffer, "uri", "");
   std::string_view content;
   if (!uri.empty()) {
@@ -200,6 +202,15 @@ absl::Status ReadBuffers(const json& buffers, const Container& container, const 
                          Place("buffer", static_cast<int64_t>(i), StringOr(buffers[i], "name", "")));
     }
     document->buffers.push_back(*content);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status DecodeViews(const std::vector<CompressedView>& compressed, Document* document) {
+  for (const CompressedView& view : compressed) {
+    auto bytes = DecodeView(view, document->buffers);
+    if (!bytes.ok()) return WithContext(bytes.status(), absl::StrCat("compressed buffer view ", view.view));
+    document->decoded_views[view.view] = document->owned.emplace_back(*std::move(bytes));
   }
   return absl::OkStatus();
 }
@@ -281,6 +292,8 @@ absl::StatusOr<Document> ParseDocument(std::string_view bytes, const AssetReader
   if (!animations.ok()) return animations.status();
   const auto skins = TakeSection(&root, "skins");
   if (!skins.ok()) return skins.status();
+  const auto compressed = FindCompressedViews(root.value("bufferViews", json::array()));
+  if (!compressed.ok()) return compressed.status();
   DropCompressedIndices(&root);
   if (auto s = ParseModel(root, &document.model); !s.ok()) return s;
   root = nullptr;
@@ -288,6 +301,7 @@ absl::StatusOr<Document> ParseDocument(std::string_view bytes, const AssetReader
   if (auto s = ParseAnimations(*animations, &document.animations, diagnostics); !s.ok()) return s;
   if (auto s = ParseSkins(*skins, &document.skins); !s.ok()) return s;
   if (auto s = ReadBuffers(*buffers, *container, reader, &document); !s.ok()) return s;
+  if (auto s = DecodeViews(*compressed, &document); !s.ok()) return s;
   return document;
 }
 
@@ -298,6 +312,11 @@ absl::StatusOr<std::string_view> ViewBytes(const Document& document, int view) {
         absl::StrCat("buffer view ", view, " does not exist (there are ", views.size(), ")"));
   }
   const tinygltf::BufferView& v = views[view];
+  if (const auto decoded = document.decoded_views.find(view); decoded != document.decoded_views.end()) {
+    if (v.byteLength <= decoded->second.size()) return decoded->second.substr(0, v.byteLength);
+    return absl::InvalidArgumentError(absl::StrCat("buffer view ", view, ": ", v.byteLength, " bytes of ",
+                                                   decoded->second.size(), " decoded ones"));
+  }
   if (v.buffer < 0 || static_cast<size_t>(v.buffer) >= document.buffers.size()) {
     return absl::InvalidArgumentError(absl::StrCat("buffer view ", view, ": buffer ", v.buffer,
                                                    " does not exist (there are ", document.buffers.size(),

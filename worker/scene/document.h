@@ -1,6 +1,7 @@
 #pragma once
 
 #include <deque>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -25,7 +26,8 @@ struct ImageSource {
 /// use.
 struct Document {
   tinygltf::Model model;                  // without the sections buffers, images, animations and skins
-  std::vector<std::string_view> buffers;  // each exactly byteLength long
+  std::vector<std::string_view> buffers;  // each exactly byteLength long; empty if a fallback
+  std::map<int, std::string_view> decoded_views;  // the content of compressed buffer views
   std::vector<ImageSource> images;
   std::vector<Animation> animations;
   std::vector<Skin> skins;

@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "absl/status/statusor.h"
+#include "filter/image/parallel.h"
 #include "worker/scene/scene.h"
 
 namespace lumifold::scene {
@@ -13,7 +14,8 @@ namespace lumifold::scene {
 /// it.
 using AssetReader = std::function<absl::StatusOr<std::string>(const std::string& uri)>;
 
-/// Decodes a PNG or JPEG file of at most `max_pixels` pixels: DecodeImage, or a cache in front of it.
+/// Decodes the file of a picture of at most `max_pixels` pixels: DecodeImage, or a cache in front of it. Called
+/// by several threads at a time.
 using ImageDecoder = std::function<absl::StatusOr<SharedImage>(std::string_view file, int64_t max_pixels)>;
 
 /// Resource limits for one scene.
@@ -33,7 +35,8 @@ struct LoadOptions {
   /// keyframe's value. All animations of the file play together.
   double time_seconds = 0;
   LoadLimits limits;
-  ImageDecoder decode;  // empty: DecodeImage
+  ImageDecoder decode;       // empty: DecodeImage
+  TaskPool* pool = nullptr;  // decodes textures; null: this thread does
 };
 
 /// Reads glTF 2.0, text (.gltf) or binary (.glb; recognised by its magic), into a Scene at

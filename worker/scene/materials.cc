@@ -15,6 +15,7 @@ namespace lumifold::scene {
 namespace {
 
 constexpr char kTextureTransform[] = "KHR_texture_transform";
+constexpr float kFullReflection = 1e6f;  // an ior whose reflectance is 1 but for rounding
 constexpr double kMaxInt = std::numeric_limits<int>::max();
 constexpr double kMaxFloat = std::numeric_limits<float>::max();
 
@@ -40,6 +41,7 @@ class MaterialReader {
     ReadVolume();
     ReadClearcoat();
     ReadSheen();
+    ReadSpecularGlossiness();
     if (!fields_.status().ok()) return fields_.status();
     if (!texture_status_.ok()) return WithContext(texture_status_, fields_.place());
     return std::move(material_);
@@ -94,7 +96,9 @@ class MaterialReader {
   void ReadIor() {
     const auto* extension = Extension("KHR_materials_ior");
     if (extension == nullptr) return;
-    material_.ior = fields_.Clamped(fields_.Number(*extension, "ior", 1.5), 1, 1000, "ior");
+    const double ior = fields_.Number(*extension, "ior", 1.5);
+    // 0 stands for a surface that reflects everything at all angles, so that its specular colour is that.
+    material_.ior = ior == 0 ? kFullReflection : fields_.Clamped(ior, 1, 1000, "ior");
   }
 
   void ReadSpecular() {
@@ -148,6 +152,32 @@ class MaterialReader {
     if (material_.sheen.color == Vec3{0, 0, 0}) return;
     material_.sheen.color_texture = ExtensionRef(*extension, "sheenColorTexture");
     material_.sheen.roughness_texture = ExtensionRef(*extension, "sheenRoughnessTexture");
+  }
+
+  /// Replaces the metallic-roughness values, which the extension's text ranks below these, by those of a
+  /// dielectric that reflects the given colour at all angles.
+  void ReadSpecularGlossiness() {
+    const auto* extension = Extension("KHR_materials_pbrSpecularGlossiness");
+    if (extension == nullptr) return;
+    const auto diffuse = fields_.Numbers<4>(*extension, "diffuseFactor", {1, 1, 1, 1});
+    const auto specular = fields_.Numbers<3>(*extension, "specularFactor", {1, 1, 1});
+    const float glossiness = Fraction(fields_.Number(*extension, "glossinessFactor", 1), "glossinessFactor");
+    material_.base.color = FractionColor({diffuse[0], diffuse[1], diffuse[2]}, "diffuseFactor");
+    material_.base.alpha = Fraction(diffuse[3], "diffuseFactor");
+    material_.base.color_texture = ExtensionRef(*extension, "diffuseTexture");
+    material_.base.metallic = 0;
+    material_.base.roughness = 1 - glossiness;
+    material_.base.metallic_roughness_texture = {};
+    material_.ior = kFullReflection;
+    material_.specular = {};
+    material_.specular.color = FractionColor(specular, "specularFactor");
+    const TextureRef both = ExtensionRef(*extension, "specularGlossinessTexture");
+    if (both.texture == kNone || !texture_status_.ok()) return;
+    material_.specular.color_texture = both;
+    material_.base.roughness = 1;
+    material_.base.metallic_roughness_texture = both;
+    material_.base.metallic_roughness_texture.texture =
+        textures_->RoughnessOfGlossiness(both.texture, glossiness);
   }
 
   void ReadVolume() {
@@ -239,7 +269,7 @@ class MaterialReader {
 
 absl::Status ReadMaterials(const Document& document, const AssetReader& reader, const LoadOptions& options,
                            Scene* scene, Diagnostics* diagnostics) {
-  TextureTable textures(document, reader, options, scene, diagnostics);
+  TextureTable textures(document, options, scene, diagnostics);
   const auto& sources = document.model.materials;
   for (size_t i = 0; i < sources.size(); ++i) {
     const std::string place = Place("material", static_cast<int64_t>(i), sources[i].name);
@@ -247,7 +277,7 @@ absl::Status ReadMaterials(const Document& document, const AssetReader& reader, 
     if (!material.ok()) return material.status();
     scene->materials.push_back(*std::move(material));
   }
-  return absl::OkStatus();
+  return textures.DecodeImages(reader);
 }
 
 }  // namespace lumifold::scene

@@ -16,6 +16,15 @@ namespace {
 
 constexpr char kInstancing[] = "EXT_mesh_gpu_instancing";
 constexpr char kLights[] = "KHR_lights_punctual";
+constexpr char kVisibility[] = "KHR_node_visibility";
+
+/// Whether the node says that it and all nodes below it are to be seen.
+bool IsVisible(const tinygltf::Node& node) {
+  const tinygltf::Value* const extension = FindExtension(node.extensions, kVisibility);
+  if (extension == nullptr || !extension->Has("visible")) return true;
+  const tinygltf::Value& visible = extension->Get("visible");
+  return !visible.IsBool() || visible.Get<bool>();
+}
 
 absl::Status CheckIndex(int index, size_t size, const char* kind) {
   if (index >= 0 && static_cast<size_t>(index) < size) return absl::OkStatus();
@@ -134,7 +143,7 @@ class NodeWalk {
     const auto roots = RootNodes(model_);
     if (!roots.ok()) return roots.status();
     for (const int root : *roots) {
-      if (auto s = Visit(root, kNone, Affine{}, 1); !s.ok()) return s;
+      if (auto s = Visit(root, kNone, Affine{}, 1, /*visible=*/true); !s.ok()) return s;
     }
     return std::move(contents_);
   }
@@ -143,7 +152,7 @@ class NodeWalk {
   static constexpr int kNotVisited = -2;
 
   /// Recursion is bounded by limits_.max_node_depth.
-  absl::Status Visit(int index, int parent, const Affine& world_from_parent, int depth) {
+  absl::Status Visit(int index, int parent, const Affine& world_from_parent, int depth, bool visible) {
     if (auto s = CheckIndex(index, model_.nodes.size(), "node"); !s.ok()) return s;
     const tinygltf::Node& node = model_.nodes[index];
     const std::string place = Place("node", index, node.name);
@@ -152,9 +161,10 @@ class NodeWalk {
     if (!local.ok()) return WithContext(local.status(), place);
     const Affine world_from_node = world_from_parent * *local;
     contents_.world_from_node[index] = world_from_node;
-    if (auto s = AddContents(index, world_from_node, place); !s.ok()) return WithContext(s, place);
+    visible = visible && IsVisible(node);
+    if (auto s = AddContents(index, world_from_node, visible, place); !s.ok()) return WithContext(s, place);
     for (const int child : node.children) {
-      if (auto s = Visit(child, index, world_from_node, depth + 1); !s.ok()) return s;
+      if (auto s = Visit(child, index, world_from_node, depth + 1, visible); !s.ok()) return s;
     }
     return absl::OkStatus();
   }
@@ -172,15 +182,16 @@ class NodeWalk {
     return absl::OkStatus();
   }
 
-  absl::Status AddContents(int index, const Affine& world_from_node, const std::string& place) {
+  /// A hidden node shows neither mesh nor light; its camera still looks.
+  absl::Status AddContents(int index, const Affine& world_from_node, bool visible, const std::string& place) {
     const tinygltf::Node& node = model_.nodes[index];
-    if (node.mesh != kNone) {
+    if (node.mesh != kNone && visible) {
       if (auto s = AddMesh(index, world_from_node, place); !s.ok()) return s;
     }
     if (node.camera != kNone) {
       if (auto s = AddCamera(node, world_from_node, place); !s.ok()) return s;
     }
-    if (const auto* extension = FindExtension(node.extensions, kLights)) {
+    if (const auto* extension = FindExtension(node.extensions, kLights); extension != nullptr && visible) {
       return AddLight(*extension, node.name, world_from_node, place);
     }
     return absl::OkStatus();

@@ -7,7 +7,7 @@
 #include "absl/strings/strip.h"
 #include "filter/image/picture_io.h"
 #include "proto/rpc/sha256.h"
-#include "worker/scene/images.h"
+#include "worker/scene/images/decode_image.h"
 
 namespace lumifold::worker {
 namespace {

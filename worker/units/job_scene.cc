@@ -3,6 +3,7 @@
 #include <map>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "worker/scene/gltf_loader.h"
@@ -30,8 +31,30 @@ render::PixelFilter PixelFilterOf(const v1::PixelFilter& filter) {
   }
 }
 
+/// Makes the mip levels of all textures side by side, and returns where the renderer finds them.
+render::MipSource MakeAllMips(const scene::Scene& scene, DecodedCache* decoded, TaskPool* pool) {
+  using Key = std::pair<const scene::ImageData*, bool>;  // and whether it is sRGB
+  std::map<Key, render::SharedMips> mips;
+  std::vector<std::pair<scene::SharedImage, bool>> wanted;
+  for (const scene::Material& material : scene.materials) {
+    for (const scene::TextureUse& use : TexturesOf(material)) {
+      if (use.ref->texture == scene::kNone) continue;
+      const int image = scene.textures[use.ref->texture].image;
+      if (image != scene::kNone && mips.try_emplace({scene.images[image].get(), use.srgb}).second)
+        wanted.emplace_back(scene.images[image], use.srgb);
+    }
+  }
+  std::vector<render::SharedMips> made(wanted.size());
+  ParallelFor(pool, static_cast<int64_t>(wanted.size()),
+              [&](int64_t i) { made[i] = decoded->Mips(wanted[i].first, wanted[i].second); });
+  for (size_t i = 0; i < wanted.size(); ++i) mips[{wanted[i].first.get(), wanted[i].second}] = made[i];
+  return [mips = std::move(mips)](const scene::SharedImage& image, bool srgb) {
+    return mips.at({image.get(), srgb});
+  };
+}
+
 /// Without the environment.
-render::RenderSettings SettingsOf(const v1::JobSpec& spec, DecodedCache* decoded) {
+render::RenderSettings SettingsOf(const v1::JobSpec& spec) {
   render::RenderSettings settings;
   settings.width = spec.width();
   settings.height = spec.height();
@@ -43,9 +66,6 @@ render::RenderSettings SettingsOf(const v1::JobSpec& spec, DecodedCache* decoded
                       spec.crop().y()};
   if (spec.has_pixel_filter()) settings.pixel_filter = PixelFilterOf(spec.pixel_filter());
   settings.lens = {spec.lens().f_stop(), spec.lens().focus_metres()};
-  settings.mips = [decoded](const scene::SharedImage& image, bool srgb) {
-    return decoded->Mips(image, srgb);
-  };
   return settings;
 }
 
@@ -56,7 +76,7 @@ absl::Status NamingScene(const absl::Status& status, const v1::JobSpec& spec) {
 }
 
 absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchAsset fetch,
-                                      DecodedCache* decoded, std::atomic<int64_t>* progress) {
+                                      DecodedCache* decoded, TaskPool* pool, std::atomic<int64_t>* progress) {
   Dependencies dependencies;
   for (const v1::AssetRef& asset : spec.scene().dependencies()) dependencies[asset.uri()] = asset;
   absl::StatusOr<std::string> file = fetch(spec.scene().file());
@@ -70,6 +90,7 @@ absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchA
   };
   scene::LoadOptions options;
   options.time_seconds = SecondsOf(spec, frame);
+  options.pool = pool;
   options.decode = [decoded](std::string_view bytes, int64_t max_pixels) {
     return decoded->Texture(bytes, max_pixels);
   };
@@ -77,7 +98,8 @@ absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchA
   if (!scene.ok()) return scene.status();
   file->clear();
   file->shrink_to_fit();
-  JobScene job = {std::make_shared<scene::Scene>(*std::move(scene)), SettingsOf(spec, decoded)};
+  JobScene job = {std::make_shared<scene::Scene>(*std::move(scene)), SettingsOf(spec)};
+  job.settings.mips = MakeAllMips(*job.scene, decoded, pool);
   if (spec.has_environment()) {
     const auto sky_file = dependencies.find(spec.environment().uri());
     absl::StatusOr<std::shared_ptr<const render::Environment>> sky = decoded->Environment(

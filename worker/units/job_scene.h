@@ -8,6 +8,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "filter/image/parallel.h"
 #include "lumifold/v1/job.pb.h"
 #include "lumifold/v1/scene.pb.h"
 #include "worker/render/renderer.h"
@@ -25,11 +26,12 @@ struct JobScene {
   render::RenderSettings settings;  // refers to the DecodedCache
 };
 
-/// Loads the scene and the environment of a job. `progress` grows by one for each file.
+/// Loads the scene and the environment of a job; `pool` decodes textures and makes their mip levels.
+/// `progress` grows by one for each file.
 /// Errors: those of `fetch`, scene::LoadGltf and render::Environment::Create; kNotFound for a file that is
 /// not among the job's.
 absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchAsset fetch,
-                                      DecodedCache* decoded, std::atomic<int64_t>* progress);
+                                      DecodedCache* decoded, TaskPool* pool, std::atomic<int64_t>* progress);
 
 /// `status` with the name of the job's scene before its message.
 absl::Status NamingScene(const absl::Status& status, const v1::JobSpec& spec);

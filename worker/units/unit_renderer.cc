@@ -134,7 +134,8 @@ absl::StatusOr<JobScene> UnitRenderer::LoadScene(const v1::JobSpec& spec, const 
       failure.SetPayload(kMissingAssetPayload, absl::Cord(asset.SerializeAsString()));
     return bytes;
   };
-  absl::StatusOr<JobScene> scene = LoadJobScene(spec, unit.frame(), fetch, &decoded_, progress);
+  absl::StatusOr<JobScene> scene =
+      LoadJobScene(spec, unit.frame(), fetch, &decoded_, loaders_.get(), progress);
   if (!failure.ok()) return failure;
   return scene;
 }

@@ -12,6 +12,7 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
 #include "filter/image/edged_image.h"
+#include "filter/image/parallel.h"
 #include "lumifold/v1/job.pb.h"
 #include "lumifold/v1/worker.pb.h"
 #include "worker/cache/asset_source.h"
@@ -42,8 +43,9 @@ struct UnitControl {
 /// Threads: safe concurrently; threads that need a scene that is being loaded wait for it.
 class UnitRenderer {
  public:
-  /// `assets` must outlive it.
-  explicit UnitRenderer(AssetSource* assets) : assets_(assets) {}
+  /// `assets` must outlive it. `threads` load a scene.
+  explicit UnitRenderer(AssetSource* assets, int threads = 1)
+      : assets_(assets), loaders_(MakeTaskPool(threads)) {}
 
   /// Errors: those of AssetSource, scene::LoadGltf and render::Renderer::Create, each naming the job's scene;
   /// kDataLoss where more than 1 % of the samples are not finite; kCancelled once control->stop is true (at
@@ -104,6 +106,7 @@ class UnitRenderer {
   };
 
   AssetSource* assets_;
+  std::unique_ptr<TaskPool> loaders_;
   DecodedCache decoded_;
   std::atomic<bool> stopped_ = false;
   mutable absl::Mutex mutex_;

@@ -11,7 +11,7 @@
 #include "tests/support/gltf_fixture.h"
 #include "tests/support/gltf_samples.h"
 #include "tests/support/peak_memory.h"
-#include "worker/scene/images.h"
+#include "worker/scene/images/decode_image.h"
 
 namespace lumifold::scene {
 namespace {

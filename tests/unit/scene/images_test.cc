@@ -1,4 +1,4 @@
-#include "worker/scene/images.h"
+#include "worker/scene/images/decode_image.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -63,7 +63,7 @@ TEST(Images, RefuseCmykJpeg) {
 
 TEST(Images, RefuseOtherFormats) {
   for (const char* bytes : {"", "GIF89a", "\x89PNG", "\xff\xd8"}) {
-    EXPECT_EQ(DecodeImage(bytes, kPlenty).status().message(), "neither PNG nor JPEG");
+    EXPECT_EQ(DecodeImage(bytes, kPlenty).status().message(), "neither PNG, JPEG nor WebP");
   }
 }
 

@@ -1,4 +1,4 @@
-#include "worker/scene/images.h"
+#include "worker/scene/images/decode_image.h"
 
 #include <jpeglib.h>
 #include <png.h>
@@ -11,6 +11,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "worker/scene/images/image_size.h"
+#include "worker/scene/images/webp.h"
 
 // libpng and libjpeg report errors by longjmp: a function that calls setjmp here holds nothing with a
 // destructor.
@@ -38,20 +40,10 @@ struct Decoding {
 
 /// Checks the size and allocates the pixels.
 bool Accept(Decoding* decoding, uint64_t width, uint64_t height) {
-  constexpr uint64_t kMaxSide = 1u << 20;
-  const bool too_long = width > kMaxSide || height > kMaxSide;
-  const auto pixels = too_long ? 0 : static_cast<int64_t>(width * height);
-  if (too_long || pixels > decoding->max_pixels) {
-    decoding->refused = absl::ResourceExhaustedError(
-        absl::StrCat(width, "x", height, " pixels are over the limit of ", decoding->max_pixels));
-  } else if (pixels == 0 || pixels / kMaxPixelsPerByte > decoding->encoded_bytes) {
-    decoding->refused = absl::InvalidArgumentError(absl::StrCat(
-        "claims ", width, "x", height, " pixels, but has only ", decoding->encoded_bytes, " bytes"));
-  } else {
-    decoding->image.width = static_cast<int>(width);
-    decoding->image.height = static_cast<int>(height);
-    decoding->image.rgba.resize(static_cast<size_t>(pixels) * 4);
-  }
+  decoding->refused = CheckImageSize(width, height, decoding->max_pixels);
+  if (decoding->refused.ok())
+    decoding->refused = CheckImageBytes(width, height, kMaxPixelsPerByte, decoding->encoded_bytes);
+  if (decoding->refused.ok()) decoding->image = EmptyImage(width, height);
   return decoding->refused.ok();
 }
 
@@ -166,9 +158,10 @@ bool DecodeJpeg(Decoding* decoding) {
 }  // namespace
 
 absl::StatusOr<ImageData> DecodeImage(std::string_view bytes, int64_t max_pixels) {
+  if (IsWebp(bytes)) return DecodeWebp(bytes, max_pixels);
   const bool is_png = bytes.substr(0, kPngMagic.size()) == kPngMagic;
   const bool is_jpeg = bytes.substr(0, kJpegMagic.size()) == kJpegMagic;
-  if (!is_png && !is_jpeg) return absl::InvalidArgumentError("neither PNG nor JPEG");
+  if (!is_png && !is_jpeg) return absl::InvalidArgumentError("neither PNG, JPEG nor WebP");
   Decoding decoding;
   decoding.rest = bytes;
   decoding.encoded_bytes = static_cast<int64_t>(bytes.size());

@@ -63,7 +63,7 @@ TEST(Images, RefuseCmykJpeg) {
 
 TEST(Images, RefuseOtherFormats) {
   for (const char* bytes : {"", "GIF89a", "\x89PNG", "\xff\xd8"}) {
-    EXPECT_EQ(DecodeImage(bytes, kPlenty).status().message(), "neither PNG, JPEG nor WebP");
+    EXPECT_EQ(DecodeImage(bytes, kPlenty).status().message(), "neither PNG, JPEG, WebP nor KTX2");
   }
 }
 

@@ -12,6 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "worker/scene/images/image_size.h"
+#include "worker/scene/images/ktx2.h"
 #include "worker/scene/images/webp.h"
 
 // libpng and libjpeg report errors by longjmp: a function that calls setjmp here holds nothing with a
@@ -159,9 +160,10 @@ bool DecodeJpeg(Decoding* decoding) {
 
 absl::StatusOr<ImageData> DecodeImage(std::string_view bytes, int64_t max_pixels) {
   if (IsWebp(bytes)) return DecodeWebp(bytes, max_pixels);
+  if (IsKtx2(bytes)) return DecodeKtx2(bytes, max_pixels);
   const bool is_png = bytes.substr(0, kPngMagic.size()) == kPngMagic;
   const bool is_jpeg = bytes.substr(0, kJpegMagic.size()) == kJpegMagic;
-  if (!is_png && !is_jpeg) return absl::InvalidArgumentError("neither PNG, JPEG nor WebP");
+  if (!is_png && !is_jpeg) return absl::InvalidArgumentError("neither PNG, JPEG, WebP nor KTX2");
   Decoding decoding;
   decoding.rest = bytes;
   decoding.encoded_bytes = static_cast<int64_t>(bytes.size());

@@ -14,11 +14,13 @@
 #include "client/options/display_options.h"
 #include "client/pictures/film_file.h"
 #include "client/pictures/output_file.h"
+#include "filter/image/exr_film.h"
 #include "filter/image/exr_io.h"
 #include "filter/image/exr_row_writer.h"
 #include "filter/image/film_source.h"
 #include "filter/image/layers.h"
 #include "filter/image/memory.h"
+#include "filter/image/planes.h"
 #include "proto/rpc/monotonic.h"
 
 namespace lumifold::client {
@@ -29,7 +31,7 @@ constexpr int kMaxThreads = 4096;
 struct FilterOptions {
   std::string picture;
   std::string half_b;
-  std::string layout = "lumifold";
+  std::string layout = "auto";
   std::string method = "default";
   std::string output;
   pictures::DisplayOptions display;
@@ -65,7 +67,8 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
   command_line.AddText("--half-b", "FILE", &options->half_b,
                        "A picture with the same number of other samples, for a better estimate of the noise");
   command_line.AddText("--layout", "NAME", &options->layout,
-                       "'lumifold', 'cycles', or a file that names the layers (default 'lumifold')");
+                       "'lumifold', 'cycles', 'arnold', 'vray', 'plain', or a file that names the layers "
+                       "(default: found by the layers of the picture)");
   command_line.AddText("--method", "METHOD", &options->method,
                        "One of the methods below (default 'default')");
   command_line.AddRequiredText("-o,--output", "FILE", &options->output,
@@ -91,6 +94,12 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
   return std::nullopt;
 }
 
+/// The folder of a file.
+std::string FolderOf(const std::string& path) {
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  return folder.empty() ? "." : folder;
+}
+
 /// The output file; takes bands of filtered rows.
 class Output {
  public:
@@ -102,8 +111,10 @@ class Output {
     return names;
   }
 
-  absl::Status Open(const FilterOptions& options, int width, int height) {
+  /// `film` is the picture's, whose other channels and attributes the output keeps.
+  absl::Status Open(const FilterOptions& options, const FilmFile& film) {
     const PictureFormat format = *PictureFormatOf(options.output);
+    const int width = film.width(), height = film.height();
     if (IsDisplayed(format)) {
       absl::StatusOr<pictures::DisplayWriter> writer =
           pictures::DisplayWriter::Create(options.output, width, height, options.display);
@@ -114,6 +125,18 @@ class Output {
     ExrLayout layout{width, height, PassedOn(format), {{"lumifold.method", options.method}}};
     for (std::string& name : layers::ColorChannels(layers::kBeauty))
       layout.channels.push_back(std::move(name));
+    layout.origin = film.origin();
+    for (std::string& name : film.OtherChannels()) {
+      if (std::find(layout.channels.begin(), layout.channels.end(), name) == layout.channels.end())
+        kept_.push_back(std::move(name));
+    }
+    layout.channels.insert(layout.channels.end(), kept_.begin(), kept_.end());
+    if (!kept_.empty()) {
+      absl::StatusOr<std::unique_ptr<ExrFilm>> source =
+          ExrFilm::Open(options.picture, FolderOf(options.output));
+      if (!source.ok()) return source.status();
+      source_ = *std::move(source);
+    }
     absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(options.output, layout);
     if (!writer.ok()) return OfThisMachine(writer.status());
     exr_.emplace(*std::move(writer));
@@ -121,9 +144,17 @@ class Output {
   }
 
   absl::Status Append(const LayeredImage& rows) {
-    if (exr_.has_value()) return OfThisMachine(exr_->Append(rows));
-    displayed_->Append(rows.GetColor(layers::kBeauty));
-    return absl::OkStatus();
+    if (displayed_.has_value()) {
+      displayed_->Append(rows.GetColor(layers::kBeauty));
+      return absl::OkStatus();
+    }
+    if (source_ == nullptr) return OfThisMachine(exr_->Append(rows));
+    absl::StatusOr<EdgedImage> kept = source_->Read({0, done_, rows.width(), done_ + rows.height()});
+    if (!kept.ok()) return kept.status();
+    done_ += rows.height();
+    LayeredImage all = rows.Crop(rows.bounds());
+    for (const std::string& name : kept_) CopyPlane(std::as_const(kept->pixels).Get(name), all.Add(name));
+    return OfThisMachine(exr_->Append(all));
   }
 
   absl::Status Finish() { return OfThisMachine(exr_.has_value() ? exr_->Finish() : displayed_->Finish()); }
@@ -131,6 +162,9 @@ class Output {
  private:
   std::optional<ExrRowWriter> exr_;
   std::optional<pictures::DisplayWriter> displayed_;
+  std::unique_ptr<ExrFilm> source_;  // of the channels that are kept; null without any
+  std::vector<std::string> kept_;
+  int done_ = 0;  // rows written
 };
 
 /// The time spent in reads and writes.
@@ -147,10 +181,10 @@ class IoClock {
 
 /// Filters the film into the output file. Returns the time of the filter in seconds, without reads and
 /// writes.
-absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmSource* film,
+absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmFile* film,
                                   const Environment& environment) {
   Output output;
-  if (absl::Status status = output.Open(options, film->width(), film->height()); !status.ok()) return status;
+  if (absl::Status status = output.Open(options, *film); !status.ok()) return status;
   IoClock io;
   const auto before_read = [&] {
     if (environment.interrupted()) return absl::CancelledError("interrupted");
@@ -171,12 +205,6 @@ absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmSource* film
   const double seconds = absl::ToDoubleSeconds(rpc::MonotonicNow() - start - io.spent());
   if (absl::Status status = output.Finish(); !status.ok()) return status;
   return seconds;
-}
-
-/// The folder of a file.
-std::string FolderOf(const std::string& path) {
-  const std::string folder = std::filesystem::path(path).parent_path().string();
-  return folder.empty() ? "." : folder;
 }
 
 }  // namespace

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <atomic>
+#include <memory>
 #include <string>
+#include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "worker/units/job_plan.h"
@@ -20,7 +22,8 @@ absl::StatusOr<v1::Plan> PlanScene(const v1::JobSpec& spec, const client::SceneA
   };
   worker::DecodedCache decoded;
   std::atomic<int64_t> progress = 0;
-  const auto job = worker::LoadJobScene(spec, spec.first_frame(), fetch, &decoded, &progress);
+  const std::unique_ptr<TaskPool> pool = MakeTaskPool(static_cast<int>(std::thread::hardware_concurrency()));
+  const auto job = worker::LoadJobScene(spec, spec.first_frame(), fetch, &decoded, pool.get(), &progress);
   if (!job.ok()) return job.status();
   return worker::PlanJob(spec, *job);
 }

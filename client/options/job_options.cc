@@ -138,8 +138,12 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
   AddSamplingOptions(command_line, &options->sampling);
   command_line.AddText("--method", "METHOD", &options->method,
                        "Filter: a method of 'lumifold filter --list-methods' (default 'default')");
-  command_line.AddText("--camera", "NAME", &options->view.camera,
-                       "Camera by name (default: the scene's first)");
+  command_line.AddText("--camera", "CAMERA", &options->view.camera,
+                       "Camera by name or number, see 'lumifold info' (default: the scene's first)");
+  command_line.AddText("--animation", "CLIP", &options->view.animation,
+                       "Play only this animation, by name or number (default: all that fit together)");
+  command_line.AddText("--variant", "VARIANT", &options->view.variant,
+                       "Variant of the materials by name or number (default: none)");
   command_line.AddFrames("--frame,--frames", &options->view.frames,
                          "Frames, such as 7, 1-48 or 1-48,60 (default 0)");
   command_line.AddPositiveNumber("--fps", &options->view.frames_per_second,
@@ -225,6 +229,8 @@ absl::StatusOr<SceneAssets> FindJobAssets(const JobOptions& options) {
 v1::JobSpec MakeJobSpec(const JobOptions& options) {
   v1::JobSpec spec;
   spec.set_camera(options.view.camera);
+  spec.set_animation(options.view.animation);
+  spec.set_variant(options.view.variant);
   spec.set_width(options.view.size.width);
   spec.set_height(options.view.size.height);
   SetRegion(options.view, &spec);

@@ -30,6 +30,8 @@ struct ViewOptions {
   std::string pixel_filter = "box";  // kPixelFilters
   float pixel_filter_width = 0;      // 0: the filter's own
   std::string camera;
+  std::string animation;  // empty: all that fit together
+  std::string variant;    // empty: none
   Frames frames;
   float frames_per_second = 24;
 };

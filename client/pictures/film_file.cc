@@ -42,11 +42,29 @@ absl::StatusOr<ForeignFilm> MapLayers(const FilmFileOptions& options, const Film
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<FilmFile>> FilmFile::Open(const FilmFileOptions& options) {
-  absl::StatusOr<FilmLayout> layout = LayoutOf(options.layout);
-  if (!layout.ok()) return AsPictureError(layout.status());
-  std::unique_ptr<FilmFile> film(new FilmFile(options, *std::move(layout)));
+  std::unique_ptr<FilmFile> film(new FilmFile(options));
   if (absl::Status status = film->CheckLayers(); !status.ok()) return AsPictureError(status);
   return film;
+}
+
+absl::Status FilmFile::FindLayout(const LayeredImage& outline) {
+  if (options_.layout == "auto") {
+    const absl::StatusOr<std::string> guess = GuessFilmLayout(options_.picture, outline);
+    if (!guess.ok()) return guess.status();
+    options_.layout = *guess;
+    if (*guess != "lumifold") notes_.push_back(absl::StrCat("read with --layout ", *guess));
+  }
+  absl::StatusOr<FilmLayout> layout = LayoutOf(options_.layout);
+  if (!layout.ok()) return layout.status();
+  layout_ = *std::move(layout);
+  return absl::OkStatus();
+}
+
+std::vector<std::string> FilmFile::OtherChannels() const {
+  std::vector<std::string> names;
+  if (options_.layout == "lumifold") return names;
+  for (const LayeredImage::Channel& channel : picture_->Outline().channels()) names.push_back(channel.name);
+  return names;
 }
 
 absl::Status FilmFile::CheckLayers() {
@@ -54,6 +72,7 @@ absl::Status FilmFile::CheckLayers() {
   if (!picture.ok()) return picture.status();
   picture_ = *std::move(picture);
   const LayeredImage outline = picture_->Outline();
+  if (absl::Status status = FindLayout(outline); !status.ok()) return status;
   is_own_film_ = options_.layout == "lumifold" && options_.half_b.empty() && outline.Has(layers::kSamplesA) &&
                  outline.HasColor(layers::HalfA(layers::kDirect));
   if (is_own_film_) return absl::OkStatus();
@@ -71,7 +90,7 @@ absl::Status FilmFile::CheckLayers() {
   absl::StatusOr<ForeignFilm> film =
       MapLayers(options_, layout_, outline, half_b_ != nullptr ? &other : nullptr);
   if (!film.ok()) return film.status();
-  notes_ = std::move(film->notes);
+  notes_.insert(notes_.end(), film->notes.begin(), film->notes.end());
   if (half_b_ == nullptr)
     notes_.emplace_back(
         "one picture: its noise is estimated from the picture itself, and fine detail may be taken for "

@@ -13,9 +13,9 @@ namespace lumifold::client {
 /// Input files of a film.
 struct FilmFileOptions {
   std::string picture;
-  std::string half_b;               // a picture with the same number of other samples, or empty
-  std::string layout = "lumifold";  // name or file of a layout
-  std::string scratch_folder;       // folder of temporary files of pictures larger than memory
+  std::string half_b;           // a picture with the same number of other samples, or empty
+  std::string layout = "auto";  // name or file of a layout; "auto": GuessFilmLayout
+  std::string scratch_folder;   // folder of temporary files of pictures larger than memory
 };
 
 /// A film in one or two OpenEXR files of Lumifold or of another renderer. Read part by part.
@@ -29,16 +29,22 @@ class FilmFile final : public FilmSource {
   /// Messages about the film for the user, one line each.
   const std::vector<std::string>& notes() const { return notes_; }
 
+  /// The windows and attributes of the picture's file.
+  std::shared_ptr<const ExrOrigin> origin() const { return picture_->origin(); }
+  /// Channels of another renderer's file besides the picture itself, which a filtered one should keep.
+  std::vector<std::string> OtherChannels() const;
+
   int width() const override { return picture_->width(); }
   int height() const override { return picture_->height(); }
   /// Errors: kDataLoss for a damaged file.
   absl::StatusOr<EdgedImage> Read(const Rect& rect) override;
 
  private:
-  FilmFile(FilmFileOptions options, FilmLayout layout)
-      : options_(std::move(options)), layout_(std::move(layout)) {}
+  explicit FilmFile(FilmFileOptions options) : options_(std::move(options)) {}
   absl::StatusOr<EdgedImage> ReadPart(const Rect& rect);
   absl::Status CheckLayers();
+  /// Sets the layout for a picture with these channels.
+  absl::Status FindLayout(const LayeredImage& outline);
 
   FilmFileOptions options_;
   FilmLayout layout_;

@@ -79,6 +79,22 @@ class ExrFilm::Part {
   int height() const { return window_.max.y - window_.min.y + 1; }
   LayeredImage Outline() const { return Image(0, 0); }
 
+  /// The channel's name in the whole picture.
+  std::string NameOf(const std::string& channel) const { return ExrChannelName(file_, number_, channel); }
+
+  /// Adds what Read() returns to `picture`, under the names that the channels have there.
+  absl::Status AddTo(const Rect& rect, LayeredImage* picture) {
+    absl::StatusOr<LayeredImage> pixels = Read(rect);
+    if (!pixels.ok()) return pixels.status();
+    for (LayeredImage::Channel& channel : pixels->channels()) {
+      const std::string name = NameOf(channel.name);
+      if (picture->Has(name))
+        return absl::InvalidArgumentError(absl::StrCat(path_, ": has the channel ", name, " twice"));
+      picture->Add(name, std::move(channel.plane));
+    }
+    return absl::OkStatus();
+  }
+
   absl::StatusOr<LayeredImage> Read(const Rect& rect) {
     const bool is_all = rect == Rect{0, 0, width(), height()};
     const bool is_direct = is_tiled_ || is_all || (!is_reread_ && rect.width() == width());
@@ -247,9 +263,9 @@ class ExrFilm::Part {
 struct ExrFilm::File {
   std::string path;
   std::unique_ptr<Imf::MultiPartInputFile> input;
-  std::unique_ptr<Part> pixels;
-  std::unique_ptr<Part> edges;      // null without an edge set
-  std::unique_ptr<Part> fragments;  // null without fragments
+  std::vector<std::unique_ptr<Part>> pixels;  // at least one
+  std::unique_ptr<Part> edges;                // null without an edge set
+  std::unique_ptr<Part> fragments;            // null without fragments
 };
 
 ExrFilm::ExrFilm(std::unique_ptr<File> file) : file_(std::move(file)) {}
@@ -263,31 +279,45 @@ absl::StatusOr<std::unique_ptr<ExrFilm>> ExrFilm::Open(const std::string& path,
   const absl::Status status = CatchExr(path, [&] {
     const int threads = DecodeThreads(Imf::MultiPartInputFile(path.c_str(), 0), Imf::globalThreadCount());
     file->input = std::make_unique<Imf::MultiPartInputFile>(path.c_str(), threads);
-    return CheckExr(path, *file->input, std::filesystem::file_size(path));
+    return CheckLayeredExr(path, *file->input, std::filesystem::file_size(path));
   });
   if (!status.ok()) return status;
-  file->pixels = std::make_unique<Part>(path, scratch_folder, file->input.get(), 0, false);
-  for (int part = 1; part < file->input->parts(); ++part) {
-    const bool is_edges = IsExrPart(file->input->header(part), kExrEdgePart);
-    (is_edges ? file->edges : file->fragments) =
-        std::make_unique<Part>(path, scratch_folder, file->input.get(), part, true);
+  for (int number = 0; number < file->input->parts(); ++number) {
+    const Imf::Header& header = file->input->header(number);
+    const bool is_list = number > 0 && IsExrList(header);
+    auto part = std::make_unique<Part>(path, scratch_folder, file->input.get(), number, is_list);
+    if (!is_list)
+      file->pixels.push_back(std::move(part));
+    else
+      (IsExrPart(header, kExrEdgePart) ? file->edges : file->fragments) = std::move(part);
   }
   return std::unique_ptr<ExrFilm>(new ExrFilm(std::move(file)));
 }
 
-int ExrFilm::width() const { return file_->pixels->width(); }
-int ExrFilm::height() const { return file_->pixels->height(); }
+int ExrFilm::width() const { return file_->pixels[0]->width(); }
+int ExrFilm::height() const { return file_->pixels[0]->height(); }
+
+std::shared_ptr<const ExrOrigin> ExrFilm::origin() const {
+  return std::make_shared<const ExrOrigin>(ExrOrigin{file_->input->header(0)});
+}
 
 LayeredImage ExrFilm::Outline() const {
-  LayeredImage outline = file_->pixels->Outline();
+  LayeredImage outline;
+  for (const std::unique_ptr<Part>& part : file_->pixels) {
+    for (const LayeredImage::Channel& channel : part->Outline().channels()) {
+      const std::string name = part->NameOf(channel.name);
+      if (!outline.Has(name)) outline.Add(name);
+    }
+  }
   outline.metadata() = ExrMetadata(file_->input->header(0));
   return outline;
 }
 
 absl::StatusOr<EdgedImage> ExrFilm::Read(const Rect& rect) {
-  absl::StatusOr<LayeredImage> pixels = file_->pixels->Read(rect);
-  if (!pixels.ok()) return pixels.status();
-  EdgedImage film{*std::move(pixels)};
+  EdgedImage film{LayeredImage(rect.width(), rect.height())};
+  for (const std::unique_ptr<Part>& part : file_->pixels) {
+    if (absl::Status status = part->AddTo(rect, &film.pixels); !status.ok()) return status;
+  }
   for (const auto& [part, list] :
        {std::pair(file_->edges.get(), &film.edges), {file_->fragments.get(), &film.fragments}}) {
     if (part == nullptr) continue;

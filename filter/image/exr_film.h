@@ -8,7 +8,10 @@
 
 namespace lumifold {
 
-/// An OpenEXR file as a film that is read part by part, with its edge set and fragments if it has any.
+struct ExrOrigin;
+
+/// An OpenEXR file as a film that is read part by part, with its edge set and fragments if it has any. The
+/// picture may be in several parts of the file, as other programs write them (ExrChannelName).
 ///
 /// Tiles are read directly. Scan lines can only be decoded in full width: each is decoded once and kept in a
 /// scratch file until the parts that are read lie below it. The scratch file takes 4 bytes per pixel and
@@ -25,6 +28,8 @@ class ExrFilm final : public FilmSource {
   int height() const override;
   /// An image without pixels, with the file's channels and metadata.
   LayeredImage Outline() const;
+  /// Its windows and attributes.
+  std::shared_ptr<const ExrOrigin> origin() const;
   /// Errors: kInvalidArgument naming the file if it is damaged or a list is not in the order of rows;
   /// kUnavailable if the scratch file cannot be written.
   absl::StatusOr<EdgedImage> Read(const Rect& rect) override;

@@ -39,13 +39,13 @@ class ViewStream final : public Imf::IStream {
   size_t position_ = 0;
 };
 
-/// Adds the channels of a part to `image`; `layer` stands before their names, unless it is empty.
-void ReadPart(Imf::MultiPartInputFile& file, int number, const std::string& layer, LayeredImage* image) {
+/// Adds the channels of a part to `image`.
+void ReadPart(Imf::MultiPartInputFile& file, int number, LayeredImage* image) {
   const Imf::Header& header = file.header(number);
   const Imath::Box2i window = header.dataWindow();
   Imf::FrameBuffer frame;
   for (auto it = header.channels().begin(); it != header.channels().end(); ++it) {
-    const std::string name = layer.empty() ? it.name() : layer + "." + it.name();
+    const std::string name = IsExrList(header) ? it.name() : ExrChannelName(file, number, it.name());
     if (image->Has(name)) throw Iex::InputExc("has the channel " + name + " twice");
     frame.insert(it.name(), ExrSliceOf(image->Add(name), window.min.x, window.min.y));
   }
@@ -75,9 +75,9 @@ absl::Status ReadParts(const std::string& path, Imf::MultiPartInputFile& file, u
     if (part > 0 && IsExrList(header)) {
       LayeredImage& list = IsExrPart(header, kExrEdgePart) ? image->edges : image->fragments;
       list = ImageFor(header);
-      ReadPart(file, part, "", &list);
+      ReadPart(file, part, &list);
     } else {
-      ReadPart(file, part, part == 0 ? "" : header.name(), &image->pixels);
+      ReadPart(file, part, &image->pixels);
     }
   }
   return absl::OkStatus();

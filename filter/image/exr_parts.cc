@@ -5,6 +5,7 @@
 #include <ImfPartType.h>
 #include <ImfStringAttribute.h>
 
+#include <algorithm>
 #include <exception>
 #include <new>
 #include <string_view>
@@ -120,13 +121,30 @@ absl::Status CheckLayeredExr(const std::string& path, const Imf::MultiPartInputF
     const Imf::Header& header = file.header(part);
     if (absl::Status status = CheckHeader(path, header, file_bytes); !status.ok()) return status;
     if (part >= first_list) continue;
-    const bool is_layer = first_list == 1 || file.header(0).name() == kExrPicturePart;
-    if (!is_layer || header.dataWindow() != file.header(0).dataWindow()) {
+    if (header.dataWindow() != file.header(0).dataWindow()) {
       return absl::InvalidArgumentError(
-          absl::StrCat(path, ": has several parts; only those of one picture in layers are read"));
+          absl::StrCat(path, ": has parts of different windows; only those of one picture are read"));
     }
   }
   return absl::OkStatus();
+}
+
+std::string ExrChannelName(const Imf::MultiPartInputFile& file, int part, const std::string& channel) {
+  const bool is_whole = part == 0 || channel.find('.') != std::string::npos;
+  return is_whole ? channel : absl::StrCat(file.header(part).name(), ".", channel);
+}
+
+Imf::Header ExrHeaderOf(const ExrOrigin& origin) {
+  constexpr std::string_view kOfStorage[] = {"channels",      "chunkCount", "compression", "dataWindow",
+                                             "displayWindow", "lineOrder",  "multiView",   "name",
+                                             "preview",       "tiles",      "type",        "version"};
+  Imf::Header header(origin.header.displayWindow(), origin.header.dataWindow());
+  for (auto it = origin.header.begin(); it != origin.header.end(); ++it) {
+    const bool is_of_storage =
+        std::find(std::begin(kOfStorage), std::end(kOfStorage), it.name()) != std::end(kOfStorage);
+    if (!is_of_storage) header.insert(it.name(), it.attribute());
+  }
+  return header;
 }
 
 std::map<std::string, std::string> ExrMetadata(const Imf::Header& header) {

@@ -36,10 +36,13 @@ Imf::FrameBuffer ExrFrameOf(const LayeredImage& image, int x0, int y0);
 /// Errors: kInvalidArgument naming the file.
 absl::Status CheckExr(const std::string& path, const Imf::MultiPartInputFile& file, uint64_t file_bytes);
 
-/// The same for a file that may have a part for each layer, as CopyExr writes it, all of the same window, and
-/// then the lists.
+/// The same for a file whose picture may be in several parts, all of the same window; then come the lists.
 absl::Status CheckLayeredExr(const std::string& path, const Imf::MultiPartInputFile& file,
                              uint64_t file_bytes);
+
+/// The name that a channel of a part has among those of the whole picture: its own in the first part or where
+/// it names its layer, else that of the part before it ("diffuse.R").
+std::string ExrChannelName(const Imf::MultiPartInputFile& file, int part, const std::string& channel);
 
 /// Whether a part has this name.
 bool IsExrPart(const Imf::Header& header, const char* name);
@@ -49,6 +52,15 @@ bool IsExrList(const Imf::Header& header);
 
 /// The string attributes of a header.
 std::map<std::string, std::string> ExrMetadata(const Imf::Header& header);
+
+/// What a picture that is made of a file keeps of it: its windows and all attributes, those apart that say how
+/// its pixels are stored.
+struct ExrOrigin {
+  Imf::Header header;
+};
+
+/// A header with the windows and the attributes of `origin`, and without channels.
+Imf::Header ExrHeaderOf(const ExrOrigin& origin);
 
 /// An image of zeros with the part's channels, a list if the part is one.
 LayeredImage ExrImage(const Imf::Header& header, int width, int height);

@@ -42,13 +42,21 @@ void AddStandard(const ExrStandard& standard, Imf::Header* header) {
 Imf::Header HeaderOf(const ExrLayout& layout, const Imath::Box2i& display) {
   const int x = layout.frame.x;
   const int y = layout.frame.y;
-  Imf::Header header(display, {{x, y}, {x + layout.width - 1, y + layout.height - 1}});
+  Imf::Header header = layout.origin != nullptr
+                           ? ExrHeaderOf(*layout.origin)
+                           : Imf::Header(display, {{x, y}, {x + layout.width - 1, y + layout.height - 1}});
   header.compression() = Imf::ZIP_COMPRESSION;
   for (const auto& [name, value] : layout.metadata) header.insert(name, Imf::StringAttribute(value));
   AddStandard(layout.standard, &header);
   for (const std::string& channel : layout.channels)
     header.channels().insert(channel, Imf::Channel(Imf::FLOAT));
   return header;
+}
+
+/// The first pixel.
+Imath::V2i PlaceOf(const ExrLayout& layout) {
+  return layout.origin != nullptr ? layout.origin->header.dataWindow().min
+                                  : Imath::V2i(layout.frame.x, layout.frame.y);
 }
 
 bool IsEmpty(const ExrLayout& layout) {
@@ -98,7 +106,7 @@ struct ExrRowWriter::File {
 
   /// May throw.
   void Write(size_t number, const LayeredImage& rows) {
-    const ExrFrame& place = parts[number].layout.frame;
+    const Imath::V2i place = PlaceOf(parts[number].layout);
     const Imf::FrameBuffer frame = ExrFrameOf(rows, place.x, place.y + parts[number].written);
     const auto write = [&](auto&& output) {
       output.setFrameBuffer(frame);

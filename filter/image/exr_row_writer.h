@@ -15,6 +15,8 @@
 
 namespace lumifold {
 
+struct ExrOrigin;
+
 /// Place of a picture in a larger frame: the file's display window is the frame, its data window the picture.
 struct ExrFrame {
   int width = 0;  // 0: the frame is the picture
@@ -43,6 +45,9 @@ struct ExrLayout {
   std::map<std::string, std::string> metadata;
   ExrFrame frame = {};
   ExrStandard standard = {};
+  /// The file that the picture was made of, whose windows and attributes it keeps; null: none. `frame` is not
+  /// looked at then.
+  std::shared_ptr<const ExrOrigin> origin = {};
 };
 
 /// The layouts of a picture's lists, see EdgedImage. The file has a part for each that is not empty.

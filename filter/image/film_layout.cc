@@ -21,9 +21,8 @@ constexpr std::array<const char*, FilmLayout::kRoles> kRoleNames = {
     "combined", "direct", "indirect",      "albedo",      "emission",     "normal",
     "depth",    "glossy", "glossy_albedo", "transmitted", "transmittance"};
 
-/// Colour roles and the layers of a film that they become.
-constexpr std::array<std::pair<Role, std::string_view>, 5> kColorRoles = {{
-    {FilmLayout::kCombined, layers::kNoisy},
+/// Colour roles besides the picture, and the layers of a film that they become.
+constexpr std::array<std::pair<Role, std::string_view>, 4> kColorRoles = {{
     {FilmLayout::kDirect, layers::kDirect},
     {FilmLayout::kIndirect, layers::kIndirect},
     {FilmLayout::kAlbedo, layers::kAlbedo},
@@ -78,10 +77,11 @@ absl::Status ParseLine(const std::string& line, FilmLayout* layout) {
 }
 
 /// The prefix of `layer` in the file's channels: "" or a view layer's name with its dot. The first in the
-/// file's order.
+/// file's order. The layer without a name has no prefix.
 std::optional<std::string> FindPrefix(const LayeredImage& file, const std::string& layer) {
   const std::string channel = layers::ColorChannels(layer)[0];
   if (file.Has(channel)) return "";
+  if (layer.empty()) return std::nullopt;
   for (const LayeredImage::Channel& candidate : file.channels()) {
     if (absl::EndsWith(candidate.name, absl::StrCat(".", channel)))
       return candidate.name.substr(0, candidate.name.size() - channel.size());
@@ -89,15 +89,115 @@ std::optional<std::string> FindPrefix(const LayeredImage& file, const std::strin
   return std::nullopt;
 }
 
+/// The first of the layers that a layout calls the picture that the file has, and its prefix.
+std::optional<std::pair<std::string, std::string>> FindCombined(const LayeredImage& file,
+                                                                const FilmLayout& layout) {
+  for (const std::string& layer : layout.sources[FilmLayout::kCombined]) {
+    if (const auto prefix = FindPrefix(file, layer)) return std::pair(layer, *prefix);
+  }
+  return std::nullopt;
+}
+
+using NamedLayouts = std::vector<std::pair<std::string, FilmLayout>>;
+
+FilmLayout LumifoldLayout() {
+  const auto layer = [](std::string_view name) { return std::vector{std::string(name)}; };
+  return {{{layer(layers::kNoisy),
+            layer(layers::kDirect),
+            layer(layers::kIndirect),
+            layer(layers::kAlbedo),
+            layer(layers::kEmission),
+            {"N"},
+            {"distance"},
+            layer(layers::kGlossy),
+            layer(layers::kGlossyAlbedo),
+            {},
+            {}}}};
+}
+
+/// Names of Blender until 4.5, and those since 5.0: a file has one or the other.
+FilmLayout CyclesLayout() {
+  return {{{{"Combined"},
+            {"DiffDir", "Diffuse Direct"},
+            {"DiffInd", "Diffuse Indirect"},
+            {"DiffCol", "Diffuse Color"},
+            {"Emit", "Env", "Emission", "Environment"},
+            {"Normal"},
+            {"Depth"},
+            {"GlossDir", "GlossInd", "Glossy Direct", "Glossy Indirect"},
+            {"GlossCol", "Glossy Color"},
+            {"TransDir", "TransInd", "Transmission Direct", "Transmission Indirect"},
+            {"TransCol", "Transmission Color"}}}};
+}
+
+/// Those of renderers come before "plain", which fits nearly every file.
+NamedLayouts MakeLayouts() {
+  FilmLayout arnold = {{{{"", "RGBA", "beauty"},
+                         {"diffuse_direct"},
+                         {"diffuse_indirect"},
+                         {"diffuse_albedo"},
+                         {"emission", "background"},
+                         {"N"},
+                         {"Z"},
+                         {},
+                         {},
+                         {},
+                         {}}}};
+  arnold.lit_albedo = true;
+  // V-Ray's raw passes are the light without the diffuse colour.
+  FilmLayout vray = {{{{"", "rgba", "RGB_color", "effectsResult"},
+                       {"rawLight", "rawLighting"},
+                       {"rawGI"},
+                       {"diffuse", "diffuseFilter"},
+                       {"selfIllum", "background"},
+                       {"normals", "Normals"},
+                       {"zDepth", "Z", "Z-depth"},
+                       {},
+                       {},
+                       {},
+                       {}}}};
+  FilmLayout plain = {{{{"", "rgba", "RGBA", "rgb", "RGB", "beauty", "Beauty", "C", "Ci", "color", "image"},
+                        {},
+                        {},
+                        {"albedo", "Albedo"},
+                        {},
+                        {"N", "normal", "Normal", "normals", "sh_normal", "nn"},
+                        {"Z", "depth", "Depth", "z", "dd"},
+                        {},
+                        {},
+                        {},
+                        {}}}};
+  return {{"lumifold", LumifoldLayout()},
+          {"cycles", CyclesLayout()},
+          {"arnold", std::move(arnold)},
+          {"vray", std::move(vray)},
+          {"plain", std::move(plain)}};
+}
+
+const NamedLayouts& Layouts() {
+  static const auto* const layouts = new NamedLayouts(MakeLayouts());
+  return *layouts;
+}
+
+/// Whether the file has a layer of the role.
+bool HasRole(const LayeredImage& file, const FilmLayout& layout, Role role, const std::string& prefix) {
+  const std::vector<std::string>& sources = layout.sources[role];
+  return std::any_of(sources.begin(), sources.end(),
+                     [&](const std::string& source) { return file.HasColor(prefix + source); });
+}
+
 /// A file, read by a layout.
 class Reader {
  public:
-  Reader(const LayeredImage& file, const FilmLayout& layout, std::string prefix)
-      : file_(file), layout_(layout), prefix_(std::move(prefix)) {}
+  /// `combined`: the layer that is the picture.
+  Reader(const LayeredImage& file, const FilmLayout& layout, std::string combined, std::string prefix)
+      : file_(file), layout_(layout), combined_(std::move(combined)), prefix_(std::move(prefix)) {}
 
   ForeignFilm Read() {
     result_.film = LayeredImage(file_.width(), file_.height());
+    AddSum({prefix_ + combined_}, layers::kNoisy);
     for (const auto& [role, layer] : kColorRoles) AddColor(role, layer);
+    if (layout_.lit_albedo) DivideByAlbedo();
     for (const RolePair& pair : kLobeRoles) AddPair(pair);
     AddNormal();
     AddDistance();
@@ -155,9 +255,25 @@ class Reader {
     }
   }
 
+  /// Where there is no albedo the light stays in the remainder.
+  void DivideByAlbedo() {
+    const ConstColorView albedo = std::as_const(result_.film).GetColor(layers::kAlbedo);
+    for (const std::string_view layer : {layers::kDirect, layers::kIndirect}) {
+      const ColorView light = result_.film.GetColor(layer);
+      for (size_t c = 0; c < 3; ++c) {
+        ForEachPixel(file_.width(), file_.height(), [&](int x, int y) {
+          float& value = light[c].At(x, y);
+          value = albedo[c].At(x, y) > 1e-3f ? value / albedo[c].At(x, y) : 0.0f;
+        });
+      }
+    }
+  }
+
+  /// In channels X, Y, Z, or R, G, B.
   void AddNormal() {
     const std::array<std::string_view, 3> ours = {layers::kNormalX, layers::kNormalY, layers::kNormalZ};
-    const std::vector<std::string> suffixes = {".X", ".Y", ".Z"};
+    std::vector<std::string> suffixes = {".X", ".Y", ".Z"};
+    if (Find(FilmLayout::kNormal, suffixes).empty()) suffixes = kColorSuffixes;
     const std::vector<std::string> present = Present(FilmLayout::kNormal, suffixes);
     for (size_t i = 0; i < ours.size(); ++i) {
       const FloatView out = result_.film.Add(ours[i]);
@@ -169,7 +285,7 @@ class Reader {
     const FloatView out = result_.film.Add(layers::kDistance);
     std::optional<ConstFloatView> depth;
     for (const std::string& source : layout_.sources[FilmLayout::kDepth]) {
-      for (const char* suffix : {".Z", ".V", ".Y", ".R"}) {
+      for (const char* suffix : {"", ".Z", ".V", ".Y", ".R"}) {
         const std::string channel = absl::StrCat(prefix_, source, suffix);
         if (!depth.has_value() && file_.Has(channel)) depth = file_.Get(channel);
       }
@@ -192,7 +308,7 @@ class Reader {
 
   void AddAlpha() {
     const FloatView out = result_.film.Add(layers::kAlpha);
-    const std::string channel = absl::StrCat(prefix_, layout_.sources[FilmLayout::kCombined][0], ".A");
+    const std::string channel = absl::StrCat(prefix_, combined_, combined_.empty() ? "A" : ".A");
     ForEachPixel(file_.width(), file_.height(),
                  [&](int x, int y) { out.At(x, y) = file_.Has(channel) ? file_.Get(channel).At(x, y) : 1; });
   }
@@ -201,6 +317,7 @@ class Reader {
 
   const LayeredImage& file_;
   const FilmLayout& layout_;
+  const std::string combined_;
   const std::string prefix_;
   ForeignFilm result_;
 };
@@ -231,45 +348,37 @@ absl::StatusOr<FilmLayout> ParseFilmLayout(const std::string& name, const std::s
 }
 
 const FilmLayout* FindFilmLayout(std::string_view name) {
-  // Names of Blender until 4.5, and those since 5.0: a file has one or the other.
-  static const FilmLayout* const cycles =
-      new FilmLayout{{{{"Combined"},
-                       {"DiffDir", "Diffuse Direct"},
-                       {"DiffInd", "Diffuse Indirect"},
-                       {"DiffCol", "Diffuse Color"},
-                       {"Emit", "Env", "Emission", "Environment"},
-                       {"Normal"},
-                       {"Depth"},
-                       {"GlossDir", "GlossInd", "Glossy Direct", "Glossy Indirect"},
-                       {"GlossCol", "Glossy Color"},
-                       {"TransDir", "TransInd", "Transmission Direct", "Transmission Indirect"},
-                       {"TransCol", "Transmission Color"}}}};
-  static const FilmLayout* const lumifold = new FilmLayout{{{{std::string(layers::kNoisy)},
-                                                             {std::string(layers::kDirect)},
-                                                             {std::string(layers::kIndirect)},
-                                                             {std::string(layers::kAlbedo)},
-                                                             {std::string(layers::kEmission)},
-                                                             {"N"},
-                                                             {"distance"},
-                                                             {std::string(layers::kGlossy)},
-                                                             {std::string(layers::kGlossyAlbedo)},
-                                                             {},
-                                                             {}}}};
-  if (name == "cycles") return cycles;
-  return name == "lumifold" ? lumifold : nullptr;
+  for (const auto& [known, layout] : Layouts()) {
+    if (known == name) return &layout;
+  }
+  return nullptr;
+}
+
+absl::StatusOr<std::string> GuessFilmLayout(const std::string& name, const LayeredImage& file) {
+  for (const auto& [known, layout] : Layouts()) {
+    const auto combined = FindCombined(file, layout);
+    if (!combined.has_value()) continue;
+    // Several programs call the picture R, G and B: its light says whose it is.
+    const bool has_own_name = layout.sources[FilmLayout::kCombined].size() == 1;
+    if (known == "plain" || has_own_name || HasRole(file, layout, FilmLayout::kDirect, combined->second))
+      return known;
+  }
+  return absl::InvalidArgumentError(absl::StrCat(
+      name, ": has no colour that looks like a picture, such as R, G and B; a layout file names its layers"));
 }
 
 absl::StatusOr<ForeignFilm> ReadForeignFilm(const std::string& name, const LayeredImage& file,
                                             const FilmLayout& layout) {
-  const std::string& combined = layout.sources[FilmLayout::kCombined][0];
-  const std::optional<std::string> prefix = FindPrefix(file, combined);
-  if (!prefix.has_value())
-    return absl::InvalidArgumentError(absl::StrCat(name, ": has no colour layer '", combined, "'"));
-  if (!file.HasColor(*prefix + combined)) {
+  const auto combined = FindCombined(file, layout);
+  if (!combined.has_value())
     return absl::InvalidArgumentError(
-        absl::StrCat(name, ": the layer '", *prefix, combined, "' lacks R, G or B"));
+        absl::StrCat(name, ": has no colour layer '", layout.sources[FilmLayout::kCombined][0], "'"));
+  const auto& [layer, prefix] = *combined;
+  if (!file.HasColor(prefix + layer)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(name, ": the layer '", prefix, layer, "' lacks R, G or B"));
   }
-  return Reader(file, layout, *prefix).Read();
+  return Reader(file, layout, layer, prefix).Read();
 }
 
 absl::StatusOr<LayeredImage> JoinHalves(const LayeredImage& a, const LayeredImage& b) {

@@ -11,7 +11,7 @@
 namespace lumifold {
 
 /// The names of a film's layers in the files of some renderer. A role is the sum of any number of layers of
-/// the file. Colours are in channels LAYER.R LAYER.G LAYER.B; normals in .X .Y .Z (or .R .G .B); depth in the
+/// the file; of those called `combined` the first that there is counts. "" is the layer of plain R, G and B. Colours are in channels LAYER.R LAYER.G LAYER.B; normals in .X .Y .Z (or .R .G .B); depth in the
 /// one channel LAYER.Z, .V, .Y or .R.
 struct FilmLayout {
   enum Role {
@@ -30,6 +30,8 @@ struct FilmLayout {
   };
 
   std::array<std::vector<std::string>, kRoles> sources;
+  /// Direct and indirect light have the albedo in them: they are divided by it.
+  bool lit_albedo = false;
 };
 
 /// Reads a layout's text: lines of "ROLE = LAYER" or "ROLE = LAYER + LAYER"; # starts a comment. The roles
@@ -39,9 +41,15 @@ struct FilmLayout {
 ///         `combined`.
 absl::StatusOr<FilmLayout> ParseFilmLayout(const std::string& name, const std::string& text);
 
-/// The built-in layouts: "lumifold" for our own pictures, and "cycles" for the passes of Blender's Cycles in
-/// a multi-layer OpenEXR file. Null for any other name.
+/// The built-in layouts: "lumifold" for our own pictures; "cycles", "arnold" and "vray" for the passes of these
+/// renderers; "plain" for a picture of R, G and B, with an albedo, normals and depth if it has them by one of
+/// their usual names. Null for any other name.
 const FilmLayout* FindFilmLayout(std::string_view name);
+
+/// The name of the first built-in layout whose most important layers the file has: those of our own, of a
+/// renderer, or a colour.
+/// Error: kInvalidArgument naming `name` where nothing in the file looks like a picture.
+absl::StatusOr<std::string> GuessFilmLayout(const std::string& name, const LayeredImage& file);
 
 /// A film made from a file of another renderer, and notes for its user.
 struct ForeignFilm {

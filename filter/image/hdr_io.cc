@@ -1,5 +1,6 @@
 #include "filter/image/hdr_io.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -44,6 +45,7 @@ struct Header {
   bool from_right = false;
   bool from_bottom = false;
   double exposure = 1;
+  bool is_xyz = false;
 
   int line_pixels() const { return columns ? height : width; }
   int lines() const { return columns ? width : height; }
@@ -58,8 +60,9 @@ class Reader {
   std::optional<absl::string_view> Line() {
     const size_t end = rest_.find('\n');
     if (end == absl::string_view::npos) return std::nullopt;
-    const absl::string_view line = rest_.substr(0, end);
+    absl::string_view line = rest_.substr(0, end);
     rest_.remove_prefix(end + 1);
+    absl::ConsumeSuffix(&line, "\r");  // a program of Windows has written the header as text
     return line;
   }
   /// False, and nothing consumed, if fewer are left.
@@ -98,9 +101,12 @@ std::string ParseHeader(Reader& reader, Header* header) {
   std::optional<absl::string_view> line = reader.Line();
   if (!line || !absl::StartsWith(*line, kMagic)) return "not a Radiance picture";
   while ((line = reader.Line()) && !line->empty()) {
-    if (absl::StartsWith(*line, "FORMAT=") && *line != "FORMAT=32-bit_rle_rgbe") {
-      return absl::StrCat("its ", absl::CHexEscape(line->substr(0, 64)),
-                          " is not read; only 32-bit_rle_rgbe is");
+    if (absl::ConsumePrefix(&*line, "FORMAT=")) {
+      header->is_xyz = *line == "32-bit_rle_xyze";
+      if (!header->is_xyz && *line != "32-bit_rle_rgbe") {
+        return absl::StrCat("its format ", absl::CHexEscape(line->substr(0, 64)),
+                            " is not read; 32-bit_rle_rgbe and 32-bit_rle_xyze are");
+      }
     }
     double factor = 1;
     if (absl::ConsumePrefix(&*line, "EXPOSURE=")) {
@@ -168,6 +174,16 @@ bool ReadLine(Reader& reader, std::vector<Rgbe>* line) {
          ReadCodedLine(reader, line);
 }
 
+/// Component `c` of the colour in the primaries that Radiance means by RGBE, whose white is that of equal
+/// energy: so both formats of one picture give the same. Colours outside of them are cut off at 0.
+double FromXyz(int c, const double xyz[3]) {
+  constexpr double kRgbFromXyz[3][3] = {{2.565312843, -1.166849616, -0.398463227},
+                                        {-1.022108172, 1.978286617, 0.043821555},
+                                        {0.074724377, -0.251939567, 1.177215190}};
+  const double* row = kRgbFromXyz[c];
+  return std::max(row[0] * xyz[0] + row[1] * xyz[1] + row[2] * xyz[2], 0.0);
+}
+
 void StoreLine(const std::vector<Rgbe>& line, int index, const Header& header, const ColorView& picture) {
   for (int i = 0; i < static_cast<int>(line.size()); ++i) {
     int x = header.columns ? index : i;
@@ -176,7 +192,9 @@ void StoreLine(const std::vector<Rgbe>& line, int index, const Header& header, c
     if (header.from_bottom) y = header.height - 1 - y;
     const Rgbe& pixel = line[i];
     const double unit = pixel[3] == 0 ? 0.0 : std::ldexp(1.0, pixel[3] - (128 + 8)) / header.exposure;
-    for (int c = 0; c < 3; ++c) picture[c].At(x, y) = static_cast<float>(pixel[c] * unit);
+    const double stored[3] = {pixel[0] * unit, pixel[1] * unit, pixel[2] * unit};
+    for (int c = 0; c < 3; ++c)
+      picture[c].At(x, y) = static_cast<float>(header.is_xyz ? FromXyz(c, stored) : stored[c]);
   }
 }
 

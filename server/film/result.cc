@@ -69,6 +69,8 @@ void Describe(const ResultInfo& info, LayeredImage* result) {
   metadata["lumifold.scene"] = spec.scene().display_name();
   metadata["lumifold.scene_sha256"] = spec.scene().file().sha256();
   metadata["lumifold.camera"] = spec.camera();
+  if (!spec.animation().empty()) metadata["lumifold.animation"] = spec.animation();
+  if (!spec.variant().empty()) metadata["lumifold.variant"] = spec.variant();
   metadata["lumifold.frame"] = absl::StrCat(info.frame);
   metadata["lumifold.size"] = absl::StrCat(spec.width(), "x", spec.height());
   if (spec.has_pixel_filter()) metadata["lumifold.pixel_filter"] = PixelFilterText(spec.pixel_filter());

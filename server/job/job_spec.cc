@@ -35,6 +35,8 @@ absl::Status CheckLength(const std::string& field, const std::string& text, size
 absl::Status CheckTexts(const v1::JobSpec& spec) {
   for (const absl::Status& status : {
            CheckLength("camera", spec.camera(), kMaxNameBytes),
+           CheckLength("animation", spec.animation(), kMaxNameBytes),
+           CheckLength("variant", spec.variant(), kMaxNameBytes),
            CheckLength("scene.display_name", spec.scene().display_name(), kMaxNameBytes),
            CheckLength("filter.method", spec.filter().method(), kMaxNameBytes),
            CheckLength("environment.uri", spec.environment().uri(), kMaxUriBytes),

@@ -32,15 +32,22 @@ OpacitySource OpacitySourceOf(const scene::Scene& scene, const TracingPlan& plan
   };
 }
 
+/// Whether something is seen without light.
+bool ShowsUnlit(const scene::Scene& scene) {
+  return std::any_of(scene.instances.begin(), scene.instances.end(), [&](const scene::Instance& instance) {
+    const int material = scene.meshes[instance.mesh].material;
+    return material != scene::kNone && scene.materials[material].unlit;
+  });
+}
+
 }  // namespace
 
 absl::StatusOr<PictureCamera> MakeCamera(const scene::Scene& scene, const RenderSettings& settings) {
   const bool is_whole = settings.frame.frame_width == 0;
   const FrameWindow frame = is_whole ? FrameWindow{settings.width, settings.height} : settings.frame;
   const float aspect = static_cast<float>(frame.frame_width) / static_cast<float>(frame.frame_height);
-  const std::optional<scene::Camera> camera = FindCamera(scene, settings.camera, aspect);
-  if (!camera.has_value())
-    return absl::NotFoundError(absl::StrCat("the scene has no camera called '", settings.camera, "'"));
+  const absl::StatusOr<scene::Camera> camera = FindCamera(scene, settings.camera, aspect);
+  if (!camera.ok()) return camera.status();
   if (const std::string error = LensError(settings.lens, *camera); !error.empty())
     return absl::InvalidArgumentError(error);
   return PictureCamera(*camera, settings.lens, frame, settings.pixel_filter);
@@ -70,7 +77,8 @@ Renderer::Renderer(std::shared_ptr<const scene::Scene> scene, std::unique_ptr<Em
       camera_(camera),
       tracer_(*scene_, *embree_, settings.environment, settings.max_bounces, settings.mips, settings.plan),
       warnings_(scene_->warnings) {
-  if (!tracer_.HasLights()) warnings_.push_back("the scene has no light: the picture is black");
+  if (!tracer_.HasLights() && !ShowsUnlit(*scene_))
+    warnings_.push_back("the scene has no light: the picture is black");
   if (settings.environment != nullptr && settings.environment->bad_texels() > 0) {
     warnings_.push_back(
         absl::StrCat(settings.environment->bad_texels(),

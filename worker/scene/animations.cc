@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 #include <span>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "worker/scene/accessors.h"
+#include "worker/scene/choice.h"
 #include "worker/scene/keyframes.h"
 
 namespace lumifold::scene {
@@ -34,26 +36,55 @@ Vec4 QuaternionAt(std::span<const float> values) { return {values[0], values[1],
 /// Poses one document.
 class Poser {
  public:
-  Poser(double time_seconds, const LoadLimits& limits, Document* document, Diagnostics* diagnostics)
-      : time_(time_seconds),
-        keyframes_left_(limits.max_keyframes),
+  Poser(const LoadOptions& options, Document* document, Diagnostics* diagnostics)
+      : time_(options.time_seconds),
+        keyframes_left_(options.limits.max_keyframes),
         document_(document),
         diagnostics_(diagnostics) {}
 
   absl::StatusOr<AnimationSummary> Run() {
     for (size_t a = 0; a < document_->animations.size(); ++a) {
-      const Animation& animation = document_->animations[a];
-      const std::string place = Place("animation", static_cast<int64_t>(a), animation.name);
-      for (size_t c = 0; c < animation.channels.size(); ++c) {
-        if (auto s = Apply(animation.channels[c], place); !s.ok()) {
-          return WithContext(s, absl::StrCat(place, " channel ", c));
-        }
-      }
+      if (auto s = Play(a); !s.ok()) return s;
     }
     return summary_;
   }
 
+  absl::StatusOr<AnimationSummary> RunOne(const std::string& wanted) {
+    std::vector<std::string> names;
+    for (const Animation& animation : document_->animations) names.push_back(animation.name);
+    const auto chosen = Choose("animation", names, wanted);
+    if (!chosen.ok()) return chosen.status();
+    if (auto s = Play(static_cast<size_t>(*chosen)); !s.ok()) return s;
+    return summary_;
+  }
+
  private:
+  using Property = std::pair<int, AnimatedProperty>;  // of a node
+
+  /// Whether an animation that plays moves what this one moves.
+  bool IsAlternative(const Animation& animation) const {
+    return std::any_of(
+        animation.channels.begin(), animation.channels.end(),
+        [this](const AnimationChannel& c) { return moved_.contains(Property(c.node, c.property)); });
+  }
+
+  absl::Status Play(size_t number) {
+    const Animation& animation = document_->animations[number];
+    const std::string place = Place("animation", static_cast<int64_t>(number), animation.name);
+    if (IsAlternative(animation)) {
+      diagnostics_->Count("animations that move what another one moves do not play (--animation chooses one)",
+                          place);
+      return absl::OkStatus();
+    }
+    for (size_t c = 0; c < animation.channels.size(); ++c) {
+      const AnimationChannel& channel = animation.channels[c];
+      if (auto s = Apply(channel, place); !s.ok()) return WithContext(s, absl::StrCat(place, " channel ", c));
+    }
+    for (const AnimationChannel& channel : animation.channels)
+      moved_.insert(Property(channel.node, channel.property));
+    return absl::OkStatus();
+  }
+
   absl::Status Apply(const AnimationChannel& channel, const std::string& place) {
     auto& nodes = document_->model.nodes;
     if (channel.node < 0 || static_cast<size_t>(channel.node) >= nodes.size()) {
@@ -168,14 +199,16 @@ class Poser {
   Document* document_;
   Diagnostics* diagnostics_;
   std::map<int, std::vector<float>> times_;
+  std::set<Property> moved_;
   AnimationSummary summary_;
 };
 
 }  // namespace
 
-absl::StatusOr<AnimationSummary> PoseNodes(double time_seconds, const LoadLimits& limits, Document* document,
+absl::StatusOr<AnimationSummary> PoseNodes(const LoadOptions& options, Document* document,
                                            Diagnostics* diagnostics) {
-  return Poser(time_seconds, limits, document, diagnostics).Run();
+  Poser poser(options, document, diagnostics);
+  return options.animation.empty() ? poser.Run() : poser.RunOne(options.animation);
 }
 
 }  // namespace lumifold::scene

@@ -23,6 +23,7 @@ constexpr std::string_view kSupported[] = {
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
@@ -43,7 +44,6 @@ constexpr Loss kLosses[] = {
     {"KHR_materials_diffuse_transmission", "light shining through thin diffuse surfaces is left out"},
     {"KHR_materials_dispersion", "glass does not split colours"},
     {"KHR_materials_iridescence", "thin-film colours are left out"},
-    {"KHR_materials_variants", "each mesh shows its default material"},
 };
 
 bool IsSupported(std::string_view extension) {

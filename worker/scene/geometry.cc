@@ -160,12 +160,12 @@ const TextureRef* TangentsMissingFor(const Mesh& mesh, const std::vector<Materia
 
 }  // namespace
 
-absl::StatusOr<Mesh> GeometryReader::ReadVertices(const tinygltf::Primitive& primitive,
+absl::StatusOr<Mesh> GeometryReader::ReadVertices(const tinygltf::Primitive& primitive, int material,
                                                   const Deformation& deformation, const std::string& place) {
   const auto source = VertexSource::Open(document_, primitive, &budget_);
   if (!source.ok()) return source.status();
   Mesh mesh;
-  mesh.material = primitive.material;
+  mesh.material = material;
   // First the attributes: corners that are not stored are made for as many vertices as the file claims to
   // have.
   if (auto s = ReadAttributes(*source, &mesh); !s.ok()) return s;
@@ -191,7 +191,7 @@ void GeometryReader::Clean(const std::string& place, Mesh* mesh) {
   if (const TextureRef* map = TangentsMissingFor(*mesh, materials_)) GenerateTangents(*map, mesh);
 }
 
-absl::StatusOr<std::optional<Mesh>> GeometryReader::Read(const tinygltf::Primitive& primitive,
+absl::StatusOr<std::optional<Mesh>> GeometryReader::Read(const tinygltf::Primitive& primitive, int material,
                                                          const Deformation& deformation,
                                                          const std::string& place) {
   if (primitive.mode < TINYGLTF_MODE_POINTS || primitive.mode > TINYGLTF_MODE_TRIANGLE_FAN) {
@@ -205,7 +205,7 @@ absl::StatusOr<std::optional<Mesh>> GeometryReader::Read(const tinygltf::Primiti
     diagnostics_->Count("primitives without positions left out", place);
     return std::nullopt;
   }
-  auto mesh = ReadVertices(primitive, deformation, place);
+  auto mesh = ReadVertices(primitive, material, deformation, place);
   if (!mesh.ok()) return WithContext(mesh.status(), place);
   diagnostics_->Count("triangles without area dropped", place, DropDegenerate(&*mesh));
   if (mesh->triangles.empty()) return std::nullopt;

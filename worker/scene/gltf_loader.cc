@@ -19,6 +19,7 @@
 #include "worker/scene/materials.h"
 #include "worker/scene/nodes.h"
 #include "worker/scene/skins.h"
+#include "worker/scene/variants.h"
 
 namespace lumifold::scene {
 namespace {
@@ -44,10 +45,11 @@ struct MeshRange {
 /// Reads each shape that is placed at least once, and creates the instances.
 class InstanceReader {
  public:
-  InstanceReader(const Document& document, const NodeContents& contents, const LoadLimits& limits,
-                 Scene* scene, Diagnostics* diagnostics)
+  InstanceReader(const Document& document, const NodeContents& contents, int variant,
+                 const LoadLimits& limits, Scene* scene, Diagnostics* diagnostics)
       : document_(document),
         contents_(contents),
+        variant_(variant),
         limits_(limits),
         skins_(document, contents.world_from_node),
         geometry_(document, scene->materials, limits, diagnostics),
@@ -98,12 +100,12 @@ class InstanceReader {
 
   absl::Status ReadPrimitive(const tinygltf::Primitive& primitive, const Deformation& deformation,
                              const std::string& place) {
-    const int material = primitive.material;
+    const int material = MaterialOf(primitive, variant_);
     if (material < kNone || material >= static_cast<int>(scene_->materials.size())) {
       return absl::InvalidArgumentError(absl::StrCat(
           place, ": material ", material, " does not exist (there are ", scene_->materials.size(), ")"));
     }
-    auto mesh = geometry_.Read(primitive, deformation, place);
+    auto mesh = geometry_.Read(primitive, material, deformation, place);
     if (!mesh.ok()) return mesh.status();
     if (mesh->has_value()) scene_->meshes.push_back(**std::move(mesh));
     return absl::OkStatus();
@@ -121,6 +123,7 @@ class InstanceReader {
 
   const Document& document_;
   const NodeContents& contents_;
+  const int variant_;
   const LoadLimits& limits_;
   SkinTable skins_;
   GeometryReader geometry_;
@@ -148,17 +151,22 @@ absl::StatusOr<Scene> LoadUnguarded(std::string_view bytes, const AssetReader& r
   const tinygltf::Model& model = document->model;
   auto s = CheckExtensions(model.extensionsUsed, model.extensionsRequired, &diagnostics);
   if (!s.ok()) return s;
-  const auto animation = PoseNodes(options.time_seconds, limits, &*document, &diagnostics);
+  const auto animation = PoseNodes(options, &*document, &diagnostics);
   if (!animation.ok()) return animation.status();
+  Scene scene;
+  scene.extensions = model.extensionsUsed;
+  scene.variants = VariantNames(model);
+  for (const Animation& clip : document->animations) scene.animations.push_back(clip.name);
+  const auto variant = FindVariant(scene.variants, options.variant);
+  if (!variant.ok()) return variant.status();
   auto contents = WalkNodes(*document, limits, &diagnostics);
   if (!contents.ok()) return contents.status();
-  Scene scene;
   scene.animated = animation->moves;
   scene.animation_duration = animation->duration_seconds;
   scene.cameras = std::move(contents->cameras);
   scene.lights = std::move(contents->lights);
-  s = ReadMaterials(*document, reader, options, &scene, &diagnostics);
-  if (s.ok()) s = InstanceReader(*document, *contents, limits, &scene, &diagnostics).Run();
+  s = ReadMaterials(*document, MaterialsInUse(model, *variant), reader, options, &scene, &diagnostics);
+  if (s.ok()) s = InstanceReader(*document, *contents, *variant, limits, &scene, &diagnostics).Run();
   if (s.ok()) s = CheckExtent(scene);
   if (!s.ok()) return s;
   if (scene.cameras.empty()) diagnostics.Note("no camera: one that sees everything is used");

@@ -32,8 +32,13 @@ struct LoadLimits {
 /// Options of LoadGltf.
 struct LoadOptions {
   /// Animation time in seconds. Before its first and after its last keyframe an animated property has that
-  /// keyframe's value. All animations of the file play together.
+  /// keyframe's value.
   double time_seconds = 0;
+  /// Name or number of the only animation that plays. Empty: all play together, but for those that move what an
+  /// earlier one moves, which are left out with a warning.
+  std::string animation;
+  /// Name or number of the variant of KHR_materials_variants that is shown; empty: none.
+  std::string variant;
   LoadLimits limits;
   ImageDecoder decode;       // empty: DecodeImage
   TaskPool* pool = nullptr;  // decodes textures; null: this thread does

@@ -5,6 +5,7 @@
 #include <limits>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "filter/image/portable_math.h"
@@ -267,15 +268,18 @@ class MaterialReader {
 
 }  // namespace
 
-absl::Status ReadMaterials(const Document& document, const AssetReader& reader, const LoadOptions& options,
-                           Scene* scene, Diagnostics* diagnostics) {
+absl::Status ReadMaterials(const Document& document, const std::vector<bool>& in_use,
+                           const AssetReader& reader, const LoadOptions& options, Scene* scene,
+                           Diagnostics* diagnostics) {
   TextureTable textures(document, options, scene, diagnostics);
   const auto& sources = document.model.materials;
+  scene->materials.resize(sources.size());
   for (size_t i = 0; i < sources.size(); ++i) {
+    if (!in_use[i]) continue;
     const std::string place = Place("material", static_cast<int64_t>(i), sources[i].name);
     auto material = MaterialReader(sources[i], place, &textures, diagnostics).Read();
     if (!material.ok()) return material.status();
-    scene->materials.push_back(*std::move(material));
+    scene->materials[i] = *std::move(material);
   }
   return textures.DecodeImages(reader);
 }

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "filter/image/portable_math.h"
+#include "worker/scene/choice.h"
 
 namespace lumifold::scene {
 namespace {
@@ -119,12 +120,13 @@ Bounds WorldBounds(const Scene& scene) {
   return world;
 }
 
-std::optional<Camera> FindCamera(const Scene& scene, const std::string& name, float aspect) {
+absl::StatusOr<Camera> FindCamera(const Scene& scene, const std::string& name, float aspect) {
   if (name.empty()) return scene.cameras.empty() ? FittedCamera(scene, aspect) : scene.cameras.front();
-  const auto found = std::find_if(scene.cameras.begin(), scene.cameras.end(),
-                                  [&](const Camera& c) { return c.name == name; });
-  if (found == scene.cameras.end()) return std::nullopt;
-  return *found;
+  std::vector<std::string> names;
+  for (const Camera& camera : scene.cameras) names.push_back(camera.name);
+  const absl::StatusOr<int> found = Choose("camera", names, name);
+  if (!found.ok()) return found.status();
+  return scene.cameras[*found];
 }
 
 }  // namespace lumifold::scene

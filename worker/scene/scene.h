@@ -3,10 +3,10 @@
 #include <array>
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "worker/scene/vec.h"
 
 /// The renderer's scene: plain arrays in metres, seconds and linear Rec. 709 RGB, right-handed with +Y up as
@@ -177,8 +177,11 @@ struct Scene {
   std::vector<SharedImage> images;
   std::vector<Camera> cameras;
   std::vector<PunctualLight> lights;
-  bool animated = false;          // the Scene may differ at another time
-  double animation_duration = 0;  // seconds from 0 to the last keyframe of all animations
+  std::vector<std::string> animations;  // names, by number
+  std::vector<std::string> variants;    // names, by number
+  std::vector<std::string> extensions;  // that the file uses
+  bool animated = false;                // the Scene may differ at another time
+  double animation_duration = 0;        // seconds from 0 to the last keyframe of all animations
   /// Messages for the artist, one line each: extensions left out, triangles dropped.
   std::vector<std::string> warnings;
 };
@@ -193,9 +196,9 @@ struct Bounds {
 /// A box around all instances in world space: the union of the transformed boxes of their meshes.
 Bounds WorldBounds(const Scene& scene);
 
-/// The camera called `name`; the first one if `name` is empty; nullopt if there is no such camera. A scene
-/// without cameras gets a camera that views all of it from the front and slightly above, as large as a frame
-/// of this aspect ratio (width over height) allows.
-std::optional<Camera> FindCamera(const Scene& scene, const std::string& name, float aspect);
+/// The camera of this name or number; the first one if `name` is empty. A scene without cameras gets a camera
+/// that views all of it from the front and slightly above, as large as a frame of this aspect ratio (width over
+/// height) allows. Error: kNotFound, naming the cameras that exist.
+absl::StatusOr<Camera> FindCamera(const Scene& scene, const std::string& name, float aspect);
 
 }  // namespace lumifold::scene

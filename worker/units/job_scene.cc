@@ -90,6 +90,8 @@ absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchA
   };
   scene::LoadOptions options;
   options.time_seconds = SecondsOf(spec, frame);
+  options.animation = spec.animation();
+  options.variant = spec.variant();
   options.pool = pool;
   options.decode = [decoded](std::string_view bytes, int64_t max_pixels) {
     return decoded->Texture(bytes, max_pixels);

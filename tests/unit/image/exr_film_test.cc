@@ -3,6 +3,11 @@
 #include <ImfChannelList.h>
 #include <ImfFrameBuffer.h>
 #include <ImfHeader.h>
+#include <ImfInputFile.h>
+#include <ImfMultiPartOutputFile.h>
+#include <ImfOutputPart.h>
+#include <ImfPartType.h>
+#include <ImfStandardAttributes.h>
 #include <ImfTiledOutputFile.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -255,6 +260,79 @@ TEST_F(ExrFilmTest, AnyNumberOfThreadsGivesTheSameFileAndPicture) {
     ExpectSame(*read, film.pixels);
   }
   SetExrThreads(1);
+}
+
+/// A file of two parts off the origin, with attributes of several types, as compositors write it: "rgba" with R
+/// and G in half floats, and "diffuse" with R and B.
+void WriteTwoParts(const std::string& path) {
+  Imf::Header picture({{0, 0}, {99, 79}}, {{10, 20}, {12, 21}});
+  Imf::addOwner(picture, "the studio");
+  Imf::addTimeCode(picture, Imf::TimeCode(1, 2, 3, 4));
+  Imf::addChromaticities(picture, Imf::Chromaticities({0.7f, 0.3f}));
+  picture.compression() = Imf::ZIPS_COMPRESSION;
+  Imf::Header diffuse = picture;
+  for (const char* name : {"R", "G"}) picture.channels().insert(name, Imf::Channel(Imf::HALF));
+  for (const char* name : {"R", "B"}) diffuse.channels().insert(name, Imf::Channel(Imf::FLOAT));
+  picture.setName("rgba");
+  diffuse.setName("diffuse");
+  for (Imf::Header* header : {&picture, &diffuse}) header->setType(Imf::SCANLINEIMAGE);
+  const Imf::Header headers[] = {picture, diffuse};
+  Imf::MultiPartOutputFile file(path.c_str(), headers, 2);
+  const std::vector<half> halves(6, half(0.5f));
+  const std::vector<float> floats = {1, 2, 3, 4, 5, 6};
+  const auto write = [&](int number, Imf::PixelType type, const void* values, size_t bytes) {
+    Imf::FrameBuffer frame;
+    for (auto it = headers[number].channels().begin(); it != headers[number].channels().end(); ++it)
+      frame.insert(it.name(), Imf::Slice::Make(type, values, headers[number].dataWindow(), bytes, 3 * bytes));
+    Imf::OutputPart part(file, number);
+    part.setFrameBuffer(frame);
+    part.writePixels(2);
+  };
+  write(0, Imf::HALF, halves.data(), sizeof(half));
+  write(1, Imf::FLOAT, floats.data(), sizeof(float));
+}
+
+TEST_F(ExrFilmTest, AFileOfSeveralPartsIsOnePicture) {
+  WriteTwoParts(folder_.PathOf("parts.exr"));
+  const auto film = ExrFilm::Open(folder_.PathOf("parts.exr"), folder_.path());
+  ASSERT_TRUE(film.ok()) << film.status();
+  const absl::StatusOr<EdgedImage> read = (*film)->Read({1, 0, 3, 2});
+  ASSERT_TRUE(read.ok()) << read.status();
+  const absl::StatusOr<LayeredImage> whole = ReadExr(folder_.PathOf("parts.exr"));
+  ASSERT_TRUE(whole.ok()) << whole.status();
+  for (const LayeredImage* image : {&read->pixels, &*whole}) {
+    const int x = image->width() - 1;
+    ASSERT_EQ(image->channels().size(), 4u);
+    EXPECT_EQ(image->Get("G").At(x, 1), 0.5f);
+    EXPECT_EQ(image->Get("diffuse.R").At(x, 0), 3);
+    EXPECT_EQ(image->Get("diffuse.B").At(x, 1), 6);
+  }
+}
+
+TEST_F(ExrFilmTest, WhatIsMadeOfAFileKeepsItsWindowsAndAttributes) {
+  WriteTwoParts(folder_.PathOf("parts.exr"));
+  const auto film = ExrFilm::Open(folder_.PathOf("parts.exr"), folder_.path());
+  ASSERT_TRUE(film.ok()) << film.status();
+  ExrLayout layout{3, 2, {"R"}, {{"owner", "us"}, {"lumifold.method", "none"}}};
+  layout.origin = (*film)->origin();
+  auto writer = ExrRowWriter::Create(folder_.PathOf("made.exr"), layout);
+  ASSERT_TRUE(writer.ok()) << writer.status();
+  LayeredImage rows(3, 2);
+  rows.Add("R").At(2, 1) = 7;
+  ASSERT_TRUE(writer->Append(rows).ok());
+  ASSERT_TRUE(writer->Finish().ok());
+  Imf::InputFile made(folder_.PathOf("made.exr").c_str());
+  const Imf::Header& header = made.header();
+  EXPECT_EQ(header.displayWindow(), Imath::Box2i({0, 0}, {99, 79}));
+  EXPECT_EQ(header.dataWindow(), Imath::Box2i({10, 20}, {12, 21}));
+  EXPECT_EQ(header.compression(), Imf::ZIP_COMPRESSION);
+  EXPECT_EQ(Imf::timeCode(header).hours(), 1);
+  EXPECT_EQ(Imf::chromaticities(header).red.x, 0.7f);
+  EXPECT_EQ(Imf::owner(header), "us") << "what the writer says counts more";
+  EXPECT_FALSE(header.hasName());
+  const absl::StatusOr<LayeredImage> read = ReadExr(folder_.PathOf("made.exr"));
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->Get("R").At(2, 1), 7);
 }
 
 TEST_F(ExrFilmTest, AWriterRefusesOtherRowsAndLeavesNothingUnfinished) {

@@ -140,6 +140,44 @@ TEST(FilmLayout, RefusesAFileWithoutTheCombinedLayer) {
               HasSubstr("in.exr: the layer 'ViewLayer.Combined' lacks R, G or B"));
 }
 
+std::string GuessOf(const std::vector<std::string>& colours) {
+  LayeredImage file(1, 1);
+  for (const std::string& colour : colours) AddFilled(colour, 1, &file);
+  const auto guess = GuessFilmLayout("in.exr", file);
+  return guess.ok() ? *guess : std::string(guess.status().message());
+}
+
+TEST(FilmLayout, IsFoundByTheLayersOfTheFile) {
+  EXPECT_EQ(GuessOf({"", "noisy", "direct"}), "lumifold");
+  EXPECT_EQ(GuessOf({"ViewLayer.Combined"}), "cycles");
+  EXPECT_EQ(GuessOf({"", "diffuse_direct"}), "arnold");
+  EXPECT_EQ(GuessOf({"", "rawLight", "diffuse"}), "vray");
+  EXPECT_EQ(GuessOf({"", "albedo"}), "plain");
+  EXPECT_EQ(GuessOf({"beauty"}), "plain");
+  EXPECT_THAT(GuessOf({"motion"}), HasSubstr("in.exr: has no colour that looks like a picture"));
+}
+
+TEST(FilmLayout, DividesTheLightOfArnoldByTheAlbedo) {
+  LayeredImage file(kWidth, kHeight);
+  AddFilled("", 3, &file);
+  AddFilled("diffuse_direct", 1, &file);
+  AddFilled("diffuse_indirect", 0.5f, &file);
+  AddFilled("diffuse_albedo", 0.25f, &file);
+  AddFilled("N", 0.5f, &file);
+  Fill(file.Add("A"), 0.75f);
+  Fill(file.Add("Z"), 6);
+  file.GetColor("diffuse_albedo")[0].At(1, 1) = 0;
+  const auto read = ReadForeignFilm("in.exr", file, *FindFilmLayout("arnold"));
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->film.GetColor(layers::kNoisy)[0].At(0, 0), 3);
+  EXPECT_EQ(read->film.GetColor(layers::kDirect)[0].At(0, 0), 4);
+  EXPECT_EQ(read->film.GetColor(layers::kIndirect)[2].At(0, 0), 2);
+  EXPECT_EQ(read->film.GetColor(layers::kDirect)[0].At(1, 1), 0);
+  EXPECT_EQ(read->film.Get(layers::kNormalZ).At(0, 0), 0.5f) << "a normal in R, G and B";
+  EXPECT_EQ(read->film.Get(layers::kDistance).At(0, 0), 6) << "a depth without a layer";
+  EXPECT_EQ(read->film.Get(layers::kAlpha).At(0, 0), 0.75f);
+}
+
 TEST(FilmLayout, ReadsALayoutOfTheUsers) {
   const auto layout = ParseFilmLayout("my.layout",
                                       "# of our own renderer\n"

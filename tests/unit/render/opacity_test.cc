@@ -67,6 +67,15 @@ TEST(ScannedOpacity, OfAMaskIsThatOfTheLeastProductOfMaterialTextureAndVertices)
   }
 }
 
+TEST(ScannedOpacity, OfAMaskWithACutoffAboveOneIsNothing) {
+  Scene scene = TriangleOf(AlphaMode::kMask, {255, 255});
+  scene.materials[0].alpha_cutoff = 1.5f;
+  scene.materials[0].base.color_texture = {};
+  EXPECT_EQ(Scanned(scene), OpacityClass::kMasked);
+  EXPECT_EQ(OpacityClassOf(scene, scene.meshes[0]), OpacityClass::kMasked);
+  EXPECT_EQ(OpacityAt(scene, scene.meshes[0], 0, 0, 0), 0);
+}
+
 TEST(ScannedOpacity, OfABlendIsOpaqueWhereNothingIsBelowOne) {
   EXPECT_EQ(Scanned(TriangleOf(AlphaMode::kBlend, {255, 255})), OpacityClass::kOpaque);
   EXPECT_EQ(Scanned(TriangleOf(AlphaMode::kBlend, {254, 255})), OpacityClass::kTransparent);

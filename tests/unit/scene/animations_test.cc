@@ -41,6 +41,48 @@ TEST(Animations, MoveNodesLinearly) {
   EXPECT_EQ(OriginAt(99, fixture), (Vec3{4, 0, 8}));
 }
 
+/// Two clips of the node, one to each side, and a third of its scale.
+GltfFixture ThreeClips() {
+  GltfFixture fixture = Animated("translation", "LINEAR", {0, 1}, {0, 0, 0, -1, 0, 0});
+  nlohmann::json& clips = fixture.json["animations"];
+  clips[0]["name"] = "left";
+  clips.push_back(clips[0]);
+  clips[1]["name"] = "right";
+  clips[1]["samplers"][0]["output"] = fixture.AddFloats({0, 0, 0, 1, 0, 0}, "VEC3");
+  clips.push_back(clips[0]);
+  clips[2]["name"] = "grow";
+  clips[2]["channels"][0]["target"]["path"] = "scale";
+  clips[2]["samplers"][0]["output"] = fixture.AddFloats({1, 1, 1, 2, 2, 2}, "VEC3");
+  return fixture;
+}
+
+TEST(Animations, OfOnePropertyAreAlternativesOfWhichTheFirstPlays) {
+  const GltfFixture fixture = ThreeClips();
+  EXPECT_EQ(OriginAt(1, fixture), (Vec3{-1, 0, 0}));
+  EXPECT_EQ(At(1, fixture).instances[0].world_from_object.x, (Vec3{2, 0, 0})) << "the third fits";
+  EXPECT_THAT(
+      MustLoad(fixture).warnings,
+      Contains(HasSubstr("do not play (--animation chooses one): 1, the first at animation 1 \"right\"")));
+}
+
+TEST(Animations, PlayAloneWhereOneIsChosen) {
+  const GltfFixture fixture = ThreeClips();
+  LoadOptions options;
+  options.time_seconds = 1;
+  for (const char* wanted : {"right", "1"}) {
+    options.animation = wanted;
+    const auto scene = fixture.Load(options);
+    ASSERT_TRUE(scene.ok()) << scene.status();
+    EXPECT_EQ(scene->instances[0].world_from_object.origin, (Vec3{1, 0, 0}));
+    EXPECT_EQ(scene->instances[0].world_from_object.x, (Vec3{1, 0, 0})) << "nothing else plays";
+    EXPECT_THAT(scene->warnings, testing::Not(Contains(HasSubstr("do not play"))));
+  }
+  options.animation = "jump";
+  EXPECT_EQ(fixture.Load(options).status(),
+            absl::NotFoundError("test.glb: the scene has no animation called 'jump'; there are: 0 'left', "
+                                "1 'right', 2 'grow'"));
+}
+
 TEST(Animations, StepFromKeyframeToKeyframe) {
   const GltfFixture fixture = Animated("translation", "STEP", {1, 3}, {5, 0, 0, 6, 0, 0});
   EXPECT_EQ(OriginAt(2.99, fixture), (Vec3{5, 0, 0}));

@@ -108,9 +108,9 @@ TEST(GltfLoader, RefusesMalformedContainers) {
 
 TEST(GltfLoader, RefusesRequiredExtensionsItDoesNotKnow) {
   GltfFixture fixture = OneTriangle();
-  fixture.json["extensionsRequired"] = {"KHR_mesh_quantization", "EXT_meshopt_compression"};
+  fixture.json["extensionsRequired"] = {"KHR_mesh_quantization", "EXT_lights_ies"};
   EXPECT_EQ(ErrorOf(fixture.Glb()),
-            "test.glb: requires the extension EXT_meshopt_compression, which is not supported");
+            "test.glb: requires the extension EXT_lights_ies, which is not supported");
 }
 
 TEST(GltfLoader, NotesUsedExtensionsItDoesNotKnowAndWhatIsLost) {

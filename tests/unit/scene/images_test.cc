@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <webp/encode.h>
 
 #include "tests/support/gltf_fixture.h"
 
@@ -84,6 +85,40 @@ TEST(Images, RefuseDamagedPng) {
   std::string png = EncodePng(8, 8, 1, 8, false, std::vector<uint8_t>(64, 3));
   png[png.find("IDAT") + 8] ^= 0x55;
   EXPECT_THAT(std::string(DecodeImage(png, kPlenty).status().message()), HasSubstr("damaged PNG: "));
+}
+
+std::string EncodeWebp(int width, int height, const std::vector<uint8_t>& rgba) {
+  uint8_t* bytes = nullptr;
+  const size_t size = WebPEncodeLosslessRGBA(rgba.data(), width, height, 4 * width, &bytes);
+  std::string webp(reinterpret_cast<const char*>(bytes), size);
+  WebPFree(bytes);
+  return webp;
+}
+
+TEST(Images, DecodeWebpWithAndWithoutLoss) {
+  std::vector<uint8_t> rgba;
+  for (int i = 0; i < 13 * 7; ++i)
+    rgba.insert(rgba.end(), {static_cast<uint8_t>(i), static_cast<uint8_t>(255 - i), 7, 255});
+  rgba[3] = 9;
+  const std::string webp = EncodeWebp(13, 7, rgba);
+  const ImageData image = MustDecode(webp);
+  EXPECT_EQ(image.width, 13);
+  EXPECT_EQ(image.height, 7);
+  EXPECT_EQ(image.rgba, rgba);
+  uint8_t* bytes = nullptr;
+  const std::vector<uint8_t> grey(16 * 16 * 3, 77);
+  const size_t size = WebPEncodeRGB(grey.data(), 16, 16, 48, 90, &bytes);
+  const ImageData lossy = MustDecode(std::string(reinterpret_cast<const char*>(bytes), size));
+  WebPFree(bytes);
+  EXPECT_NEAR(lossy.rgba[0], 77, 2);
+  EXPECT_EQ(lossy.rgba[3], 255);
+}
+
+TEST(Images, RefuseWebpThatIsCutShortOrTooLarge) {
+  const std::string webp = EncodeWebp(300, 300, std::vector<uint8_t>(300 * 300 * 4, 5));
+  EXPECT_EQ(DecodeImage(webp, 300 * 300 - 1).status().message(),
+            "300x300 pixels are over the limit of 89999");
+  for (size_t n = 0; n < webp.size(); ++n) EXPECT_FALSE(DecodeImage(webp.substr(0, n), kPlenty).ok()) << n;
 }
 
 /// A PNG header that claims this size, with a correct checksum, which libpng accepts.

@@ -167,8 +167,7 @@ TEST(Materials, DoNotDecodeUnusedTextures) {
 TEST(Materials, NameTheImageThatDoesNotDecode) {
   GltfFixture fixture = WithMaterial({{"name", "Flag"}, {"normalTexture", {{"index", 0}}}});
   fixture.json["images"][0]["bufferView"] = fixture.AddView("GIF89a");
-  EXPECT_EQ(ErrorOf(fixture),
-            "test.glb: material 0 \"Flag\": texture 0: image 0 \"flag\": neither PNG nor JPEG");
+  EXPECT_EQ(ErrorOf(fixture), "test.glb: image 0 \"flag\": neither PNG, JPEG nor WebP");
 }
 
 TEST(Materials, RefuseTexturesThatDoNotExist) {
@@ -197,6 +196,67 @@ TEST(Materials, CountTexturesOfAllImagesAgainstTheLimit) {
   EXPECT_TRUE(fixture.Load(options).ok());
   options.limits.max_texture_pixels = 1;
   EXPECT_EQ(fixture.Load(options).status().code(), absl::StatusCode::kResourceExhausted);
+}
+
+TEST(Materials, OfSpecularAndGlossinessReflectTheirColourAtAllAngles) {
+  const json values = {{"diffuseFactor", {0.5, 0.25, 0, 0.75}},
+                       {"specularFactor", {0.1, 0.2, 0.3}},
+                       {"glossinessFactor", 0.75}};
+  const Material m = MaterialOf({{"extensions", {{"KHR_materials_pbrSpecularGlossiness", values}}},
+                                 {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 1}}}}});
+  EXPECT_EQ(m.base.color, (Vec3{0.5f, 0.25f, 0}));
+  EXPECT_EQ(m.base.alpha, 0.75f);
+  EXPECT_EQ(m.base.metallic, 0);
+  EXPECT_EQ(m.base.roughness, 0.25f);
+  EXPECT_EQ(m.specular.color, (Vec3{0.1f, 0.2f, 0.3f}));
+  const float r = (m.ior - 1) / (m.ior + 1);
+  EXPECT_NEAR(r * r, 1, 1e-5);
+}
+
+TEST(Materials, OfSpecularAndGlossinessHaveTheRoughnessOfTheirAlpha) {
+  const json values = {{"specularGlossinessTexture", {{"index", 0}}}, {"glossinessFactor", 0.5}};
+  GltfFixture fixture = WithMaterial({{"extensions", {{"KHR_materials_pbrSpecularGlossiness", values}}}});
+  fixture.json["images"][0]["bufferView"] =
+      fixture.AddView(EncodePng(2, 1, 4, 8, false, {9, 8, 7, 255, 9, 8, 7, 0}));
+  const Scene scene = MustLoad(fixture);
+  const Material& m = scene.materials[0];
+  const auto image_of = [&](const TextureRef& ref) {
+    return scene.images[scene.textures[ref.texture].image];
+  };
+  EXPECT_THAT(image_of(m.specular.color_texture)->rgba, testing::ElementsAre(9, 8, 7, 255, 9, 8, 7, 0));
+  EXPECT_THAT(image_of(m.base.metallic_roughness_texture)->rgba,
+              testing::ElementsAre(0, 128, 0, 255, 0, 255, 0, 255));
+  EXPECT_EQ(m.base.roughness, 1);
+}
+
+TEST(Materials, TakeThePictureOfAnExtensionBeforeThePlainOne) {
+  GltfFixture fixture = WithMaterial({{"normalTexture", {{"index", 0}}}});
+  fixture.Add("images", {{"bufferView", fixture.AddView(EncodePng(1, 1, 1, 8, false, {5}))}});
+  fixture.json["textures"][0]["extensions"]["EXT_texture_webp"] = {{"source", 1}};
+  EXPECT_EQ(MustLoad(fixture).images[0]->width, 1);
+  fixture.json["textures"][0].erase("source");
+  EXPECT_EQ(MustLoad(fixture).images[0]->width, 1);
+}
+
+TEST(Materials, AreTheSameForAnyNumberOfThreads) {
+  GltfFixture fixture = WithMaterial({{"normalTexture", {{"index", 0}}}});
+  for (int i = 1; i < 9; ++i) {
+    const auto level = static_cast<uint8_t>(i);
+    fixture.Add("images",
+                {{"bufferView", fixture.AddView(EncodePng(i, 1, 1, 8, false, std::vector(i, level)))}});
+    fixture.Add("textures", {{"source", i}});
+    fixture.Add("materials", {{"normalTexture", {{"index", i}}}});
+  }
+  const auto pool = MakeTaskPool(4);
+  LoadOptions options;
+  options.pool = pool.get();
+  const auto scene = fixture.Load(options);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  const Scene alone = MustLoad(fixture);
+  ASSERT_EQ(scene->images.size(), 9u);
+  for (size_t i = 0; i < 9; ++i) EXPECT_EQ(scene->images[i]->rgba, alone.images[i]->rgba);
+  for (const int broken : {7, 3}) fixture.json["images"][broken]["bufferView"] = fixture.AddView("GIF");
+  EXPECT_EQ(fixture.Load(options).status().message(), "test.glb: image 3: neither PNG, JPEG nor WebP");
 }
 
 TEST(Materials, RefuseMalformedValues) {

@@ -65,6 +65,25 @@ TEST(Nodes, ShowTheDefaultSceneElseTheFirst) {
   EXPECT_THAT(ErrorOf(fixture), HasSubstr("scene 2 does not exist (there are 2)"));
 }
 
+TEST(Nodes, HideThemselvesAndAllBelowButNoCamera) {
+  GltfFixture fixture = OneTriangle();
+  fixture.Add("cameras", {{"type", "orthographic"},
+                          {"orthographic", {{"xmag", 1}, {"ymag", 1}, {"znear", 0.1}, {"zfar", 9}}}});
+  fixture.AddNode({{"mesh", 0}, {"translation", {3, 0, 0}}});
+  fixture.AddNode({{"children", {1}}, {"camera", 0}});
+  fixture.json["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "point"}}};
+  fixture.json["nodes"][1]["extensions"]["KHR_lights_punctual"] = {{"light", 0}};
+  fixture.json["extensionsRequired"] = {"KHR_node_visibility"};
+  EXPECT_EQ(MustLoad(fixture).instances.size(), 2u);
+  EXPECT_EQ(MustLoad(fixture).lights.size(), 1u);
+  fixture.json["nodes"][2]["extensions"]["KHR_node_visibility"] = {{"visible", false}};
+  fixture.json["nodes"][1]["extensions"]["KHR_node_visibility"] = {{"visible", true}};
+  const Scene scene = MustLoad(fixture);
+  EXPECT_THAT(Origins(scene), ElementsAre(Vec3{0, 0, 0}));
+  EXPECT_THAT(scene.lights, IsEmpty());
+  EXPECT_EQ(scene.cameras.size(), 1u);
+}
+
 TEST(Nodes, PlaceGpuInstances) {
   GltfFixture fixture = OneTriangle();
   const int translations = fixture.AddFloats({1, 0, 0, 2, 0, 0}, "VEC3");

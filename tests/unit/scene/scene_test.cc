@@ -56,8 +56,11 @@ TEST(Scene, FindsCamerasByName) {
   scene.cameras[1].name = "side";
   EXPECT_EQ(FindCamera(scene, "", 1)->name, "front");
   EXPECT_EQ(FindCamera(scene, "side", 1)->name, "side");
-  EXPECT_FALSE(FindCamera(scene, "back", 1).has_value());
-  EXPECT_FALSE(FindCamera(Scene{}, "front", 1).has_value());
+  EXPECT_EQ(FindCamera(scene, "1", 1)->name, "side");
+  EXPECT_EQ(FindCamera(scene, "back", 1).status().message(),
+            "the scene has no camera called 'back'; there are: 0 'front', 1 'side'");
+  EXPECT_EQ(FindCamera(Scene{}, "0", 1).status().message(),
+            "the scene has no camera called '0'; it has no camera");
 }
 
 TEST(Scene, FittedCameraSeesEverythingAndFillsTheFrame) {

@@ -12,6 +12,7 @@
 #include "client/commands/run_client.h"
 #include "client/local/film_filter.h"
 #include "client/local/in_process_farm.h"
+#include "client/local/scene_facts.h"
 #include "client/local/scene_planner.h"
 #include "proto/identity/profile.h"
 #include "proto/rpc/trace_context.h"
@@ -59,6 +60,7 @@ int main(int argc, char** argv) {
   environment.interrupted = client::Interrupted;
   environment.local.farm = lumifold::local::StartLocalFarm;
   environment.local.scene_planner = lumifold::local::PlanScene;
+  environment.local.scene_reader = lumifold::local::ReadSceneFacts;
   environment.local.film_filter = lumifold::local::FilterFilm;
   environment.local.methods = lumifold::local::DescribeMethods();
   return client::RunClient(argc, argv, environment);

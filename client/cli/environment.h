@@ -58,6 +58,7 @@ struct LocalParts {
   LocalFarmFactory farm = nullptr;
   /// Null in a build without a worker; `plan` then fails.
   ScenePlanner scene_planner = nullptr;
+  SceneReader scene_reader = nullptr;
   /// Null in a build without the filter; `filter` then fails.
   FilmFilter film_filter = nullptr;
   /// Empty in a build without the filter.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -43,6 +44,26 @@ using LocalFarmFactory =
 /// Errors: those of worker::LoadJobScene and worker::PlanJob.
 using ScenePlanner =
     std::function<absl::StatusOr<v1::Plan>(const v1::JobSpec& spec, const SceneAssets& assets)>;
+
+/// What is in a scene's file.
+struct SceneFacts {
+  std::vector<std::string> cameras;  // names, by number; so are those of the next two
+  std::vector<std::string> animations;
+  std::vector<std::string> variants;
+  std::vector<std::string> lights;  // punctual ones
+  std::vector<std::string> extensions;
+  std::vector<std::string> warnings;
+  double animation_seconds = 0;
+  int64_t triangles = 0;
+  int64_t instances = 0;
+  int64_t materials = 0;
+  int64_t textures = 0;
+  int64_t texture_pixels = 0;
+  int64_t memory_bytes = 0;  // an estimate
+};
+
+/// Reads a scene's file. Errors: those of scene::LoadGltfFile.
+using SceneReader = std::function<absl::StatusOr<SceneFacts>(const std::string& path)>;
 
 /// Filters a film (channels of filter/image/layers.h) with `method` on `threads` threads. Passes R G B and
 /// the channels named in `passed_on` to `sink`, in bands of rows from the top down. For a film without

@@ -42,6 +42,7 @@ const std::vector<Command>& Commands() {
       {"filter", "Filter the noise of a picture that is already rendered", RunFilter},
       {"convert", "Write a layer of a picture as .png", RunConvert},
       {"compare", "Print the error of one picture against another", RunCompare},
+      {"info", "Print what is in a scene or a picture", RunInfo},
       {"doctor", "Say what is wrong with this installation and its farm", RunDoctor,
        /*is_without_configuration=*/true},
       {"schema", "Print the JSON Schema of job files", RunSchema, /*is_without_configuration=*/true},

@@ -66,6 +66,7 @@ ExitCode RunRevoke(const std::vector<std::string>& arguments, const Environment&
 ExitCode RunFilter(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunConvert(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunCompare(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunInfo(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunDoctor(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunSchema(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunCompletion(const std::vector<std::string>& arguments, const Environment& environment);

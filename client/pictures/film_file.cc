@@ -63,7 +63,8 @@ absl::Status FilmFile::FindLayout(const LayeredImage& outline) {
 std::vector<std::string> FilmFile::OtherChannels() const {
   std::vector<std::string> names;
   if (options_.layout == "lumifold") return names;
-  for (const LayeredImage::Channel& channel : picture_->Outline().channels()) names.push_back(channel.name);
+  const LayeredImage outline = picture_->Outline();
+  for (const LayeredImage::Channel& channel : outline.channels()) names.push_back(channel.name);
   return names;
 }
 

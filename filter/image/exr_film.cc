@@ -304,7 +304,8 @@ std::shared_ptr<const ExrOrigin> ExrFilm::origin() const {
 LayeredImage ExrFilm::Outline() const {
   LayeredImage outline;
   for (const std::unique_ptr<Part>& part : file_->pixels) {
-    for (const LayeredImage::Channel& channel : part->Outline().channels()) {
+    const LayeredImage of_part = part->Outline();
+    for (const LayeredImage::Channel& channel : of_part.channels()) {
       const std::string name = part->NameOf(channel.name);
       if (!outline.Has(name)) outline.Add(name);
     }

@@ -62,7 +62,7 @@ TEST(Animations, OfOnePropertyAreAlternativesOfWhichTheFirstPlays) {
   EXPECT_EQ(At(1, fixture).instances[0].world_from_object.x, (Vec3{2, 0, 0})) << "the third fits";
   EXPECT_THAT(
       MustLoad(fixture).warnings,
-      Contains(HasSubstr("do not play (--animation chooses one): 1, the first at animation 1 \"right\"")));
+      Contains(HasSubstr("do not play (--animation chooses one): 1 (the first in animation 1 \"right\")")));
 }
 
 TEST(Animations, PlayAloneWhereOneIsChosen) {

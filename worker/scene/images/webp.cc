@@ -6,7 +6,10 @@
 
 namespace lumifold::scene {
 
-bool IsWebp(std::string_view bytes) { return bytes.substr(0, 4) == "RIFF" && bytes.substr(8, 4) == "WEBP"; }
+bool IsWebp(std::string_view bytes) {
+  constexpr size_t kHeaderBytes = 12;
+  return bytes.size() >= kHeaderBytes && bytes.starts_with("RIFF") && bytes.substr(8, 4) == "WEBP";
+}
 
 absl::StatusOr<ImageData> DecodeWebp(std::string_view bytes, int64_t max_pixels) {
   const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());

@@ -1,0 +1,71 @@
+#include "client/local/scene_facts.h"
+
+#include <memory>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "filter/image/parallel.h"
+#include "worker/scene/gltf_loader.h"
+
+namespace lumifold::local {
+namespace {
+
+/// Of Embree's tree over a triangle, and of a texture's mip levels beside the texture.
+constexpr int64_t kTreeBytes = 90;
+constexpr double kWithMips = 4.0 / 3;
+
+template <typename T>
+int64_t BytesOf(const std::vector<T>& values) {
+  return static_cast<int64_t>(values.size() * sizeof(T));
+}
+
+std::string LightText(const scene::PunctualLight& light) {
+  using Kind = scene::PunctualLight::Kind;
+  const char* const kind = light.kind == Kind::kPoint  ? "point"
+                           : light.kind == Kind::kSpot ? "spot"
+                                                       : "directional";
+  return absl::StrCat(light.name, " (", kind, ")");
+}
+
+void AddGeometry(const scene::Scene& scene, client::SceneFacts* facts) {
+  for (const scene::Mesh& mesh : scene.meshes) {
+    const auto triangles = static_cast<int64_t>(mesh.triangles.size() / 3);
+    facts->triangles += triangles;
+    facts->memory_bytes += BytesOf(mesh.positions) + BytesOf(mesh.normals) + BytesOf(mesh.uvs[0]) +
+                           BytesOf(mesh.uvs[1]) + BytesOf(mesh.tangents) + BytesOf(mesh.colors) +
+                           BytesOf(mesh.triangles) + kTreeBytes * triangles;
+  }
+  facts->instances = static_cast<int64_t>(scene.instances.size());
+}
+
+void AddTextures(const scene::Scene& scene, client::SceneFacts* facts) {
+  facts->textures = static_cast<int64_t>(scene.images.size());
+  for (const scene::SharedImage& image : scene.images) {
+    facts->texture_pixels += int64_t{image->width} * image->height;
+    facts->memory_bytes += static_cast<int64_t>(static_cast<double>(image->rgba.size()) * kWithMips);
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<client::SceneFacts> ReadSceneFacts(const std::string& path) {
+  const std::unique_ptr<TaskPool> pool = MakeTaskPool(static_cast<int>(std::thread::hardware_concurrency()));
+  scene::LoadOptions options;
+  options.pool = pool.get();
+  const absl::StatusOr<scene::Scene> scene = scene::LoadGltfFile(path, options);
+  if (!scene.ok()) return scene.status();
+  client::SceneFacts facts;
+  for (const scene::Camera& camera : scene->cameras) facts.cameras.push_back(camera.name);
+  for (const scene::PunctualLight& light : scene->lights) facts.lights.push_back(LightText(light));
+  facts.animations = scene->animations;
+  facts.animation_seconds = scene->animation_duration;
+  facts.variants = scene->variants;
+  facts.extensions = scene->extensions;
+  facts.materials = static_cast<int64_t>(scene->materials.size());
+  facts.warnings = scene->warnings;
+  AddGeometry(*scene, &facts);
+  AddTextures(*scene, &facts);
+  return facts;
+}
+
+}  // namespace lumifold::local

@@ -167,7 +167,7 @@ TEST(Materials, DoNotDecodeUnusedTextures) {
 TEST(Materials, NameTheImageThatDoesNotDecode) {
   GltfFixture fixture = WithMaterial({{"name", "Flag"}, {"normalTexture", {{"index", 0}}}});
   fixture.json["images"][0]["bufferView"] = fixture.AddView("GIF89a");
-  EXPECT_EQ(ErrorOf(fixture), "test.glb: image 0 \"flag\": neither PNG, JPEG nor WebP");
+  EXPECT_EQ(ErrorOf(fixture), "test.glb: image 0 \"flag\": neither PNG, JPEG, WebP nor KTX2");
 }
 
 TEST(Materials, RefuseTexturesThatDoNotExist) {
@@ -256,7 +256,7 @@ TEST(Materials, AreTheSameForAnyNumberOfThreads) {
   ASSERT_EQ(scene->images.size(), 9u);
   for (size_t i = 0; i < 9; ++i) EXPECT_EQ(scene->images[i]->rgba, alone.images[i]->rgba);
   for (const int broken : {7, 3}) fixture.json["images"][broken]["bufferView"] = fixture.AddView("GIF");
-  EXPECT_EQ(fixture.Load(options).status().message(), "test.glb: image 3: neither PNG, JPEG nor WebP");
+  EXPECT_EQ(fixture.Load(options).status().message(), "test.glb: image 3: neither PNG, JPEG, WebP nor KTX2");
 }
 
 TEST(Materials, RefuseMalformedValues) {

@@ -4,28 +4,36 @@
 #include <limits>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
 
 namespace lumifold::client {
 namespace {
 
 constexpr int kLastFrame = std::numeric_limits<int>::max() - 1;
 
-// Digits only: SimpleAtoi also accepts signs and spaces.
-bool ParseFrame(absl::string_view text, int* frame) {
-  return std::all_of(text.begin(), text.end(), [](unsigned char c) { return absl::ascii_isdigit(c); }) &&
-         absl::SimpleAtoi(text, frame) && *frame <= kLastFrame;
+/// Takes a number, which may be negative, from the front of `text`.
+bool TakeFrame(absl::string_view* text, int* frame) {
+  size_t length = absl::StartsWith(*text, "-") ? 1 : 0;
+  while (length < text->size() && absl::ascii_isdigit(static_cast<unsigned char>((*text)[length]))) ++length;
+  const bool is_number = absl::SimpleAtoi(text->substr(0, length), frame);
+  text->remove_prefix(length);
+  return is_number && *frame <= kLastFrame && *frame >= -kLastFrame;
 }
 
-bool ParseRange(absl::string_view text, FrameRange* range) {
-  const size_t dash = text.find('-');
-  if (!ParseFrame(text.substr(0, dash), &range->first)) return false;
+bool ParseRange(absl::string_view text, FrameRange* range, int* step) {
+  *step = 1;
+  if (!TakeFrame(&text, &range->first)) return false;
   range->last = range->first;
-  if (dash != absl::string_view::npos && !ParseFrame(text.substr(dash + 1), &range->last)) return false;
-  return range->first <= range->last;
+  if (text.empty()) return true;
+  if (!absl::ConsumePrefix(&text, "-") || !TakeFrame(&text, &range->last)) return false;
+  const bool has_step = absl::ConsumePrefix(&text, "x") || absl::ConsumePrefix(&text, ":");
+  if (has_step && (!TakeFrame(&text, step) || *step < 1)) return false;
+  return text.empty() && range->first <= range->last;
 }
 
 }  // namespace
@@ -34,13 +42,23 @@ absl::StatusOr<Frames> ParseFrames(absl::string_view text) {
   Frames frames{.ranges = {}};
   for (const absl::string_view part : absl::StrSplit(text, ',')) {
     FrameRange range;
-    const bool valid = ParseRange(part, &range);
+    int step = 1;
+    const bool valid = ParseRange(part, &range, &step);
     if (!valid || (!frames.ranges.empty() && range.first <= frames.last())) {
       return absl::InvalidArgumentError(absl::StrCat(
-          "expected a frame such as 7 or frames such as 1-48 or 1-48,60 in ascending order; got '", text,
-          "'"));
+          "expected frames such as 7, 1-48, 1-48,60 or 1-100x10 in ascending order; got '", text, "'"));
     }
-    frames.ranges.push_back(range);
+    if (step == 1) {
+      frames.ranges.push_back(range);
+      continue;
+    }
+    for (int64_t frame = range.first; frame <= range.last && frames.ranges.size() <= kMaxFrameRanges;
+         frame += step)
+      frames.ranges.push_back({static_cast<int>(frame), static_cast<int>(frame)});
+  }
+  if (frames.ranges.size() > kMaxFrameRanges) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("'", text, "' has more than ", kMaxFrameRanges, " ranges: submit it as several jobs"));
   }
   return frames;
 }
@@ -54,6 +72,8 @@ std::string PathOfFrame(const std::string& path, int frame) {
   if (last == std::string::npos || last < name) return path;
   size_t first = last;
   while (first > name && path[first - 1] == '#') --first;
+  const bool ends_the_name = path.find('.', last) == last + 1 || last + 1 == path.size();
+  if (first == last && !ends_the_name) return path;
   const int width = static_cast<int>(last - first + 1);
   return absl::StrCat(path.substr(0, first), absl::StrFormat("%0*d", width, frame), path.substr(last + 1));
 }

@@ -27,16 +27,22 @@ struct Frames {
   friend bool operator==(const Frames&, const Frames&) = default;
 };
 
-/// Parses "7", "1-48" or "1-48,60,70-72".
-/// Errors: kInvalidArgument with the expected format, for other text, for a last frame before the first and
-/// for ranges that are not ascending.
+/// Parses "7", "1-48", "1-48,60,70-72", "1-100x10" or "1-100:10" (every tenth frame), and negative numbers as
+/// in "-5--1".
+/// Errors: kInvalidArgument with the expected format, for other text, for a last frame before the first, for
+/// ranges that are not ascending, and for more than kMaxFrameRanges ranges; frames that do not follow each
+/// other are one each.
 absl::StatusOr<Frames> ParseFrames(absl::string_view text);
 
-/// Whether the file name contains a placeholder for the frame number: one or more #.
+/// Ranges of a job, at most: as many as a coordinator takes.
+inline constexpr size_t kMaxFrameRanges = 1025;
+
+/// Whether the file name contains a placeholder for the frame number: two or more #, or one that ends the name
+/// before its extension. Any other # is a part of the name ("chair #3.exr").
 bool HasFrameNumber(const std::string& path);
 
-/// Path of a frame's file: the last run of # in the file name is replaced by the frame number, padded with
-/// zeros to the length of the run; a longer number is not cut. A name without # and the folder are not
+/// Path of a frame's file: the placeholder in the file name (the last one) is replaced by the frame number, padded with
+/// zeros to the length of the run; a longer number is not cut. A name without one and the folder are not
 /// changed.
 std::string PathOfFrame(const std::string& path, int frame);
 

@@ -12,6 +12,7 @@
 #include "client/pictures/output_template.h"
 #include "filter/image/exr_copy.h"
 #include "filter/image/exr_io.h"
+#include "filter/image/file_io.h"
 #include "filter/image/layers.h"
 
 namespace lumifold::client {
@@ -146,7 +147,7 @@ absl::Status PictureOptions::WriteExr(const std::string& part_path, const v1::Jo
     copy.numbers["utcOffset"] = 0;
     copy.numbers["renderTime"] = static_cast<float>(job.times().render_seconds());
   } else if (compression.empty() && !copy.layers_as_parts) {
-    return MoveIntoPlace(part_path, path);
+    return OfThisMachine(MoveIntoPlace(part_path, path));
   }
   SetExrThreads(threads);
   return OfThisMachine(CopyExr(part_path, path, copy));

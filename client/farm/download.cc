@@ -9,6 +9,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "client/cli/exit_code.h"
+#include "filter/image/file_system.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/sha256.h"
 
@@ -93,7 +94,7 @@ absl::StatusOr<std::string> PartPath(const std::string& output, const std::strin
     return absl::ascii_isalnum(c) || c == '-' || c == '_';
   });
   if (!plain || job_id.empty()) return absl::NotFoundError(absl::StrCat("no job '", job_id, "'"));
-  return absl::StrCat(output, ".", job_id, "-", frame, ".part");
+  return NameBeside(FileBehind(output), absl::StrCat(".", job_id, "-", frame, ".part"));
 }
 
 absl::Status DownloadFrame(FarmClient& farm, const std::string& job_id, int frame,

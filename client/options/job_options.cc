@@ -1,4 +1,5 @@
 #include "client/options/job_options.h"
+#include "proto/rpc/bounded_text.h"
 
 #include <algorithm>
 #include <array>
@@ -22,7 +23,7 @@ constexpr int kMaxMb = 1 << 20;  // a coordinator takes no larger asset
 
 /// URI of the environment map in the job; no file of a scene can have this scheme.
 std::string EnvironmentUri(const std::string& path) {
-  return kEnvironmentScheme + std::filesystem::path(path).filename().string();
+  return kEnvironmentScheme + rpc::AsUtf8(std::filesystem::path(path).filename().string());
 }
 
 constexpr int kDefaultSamples = 64;

@@ -1,4 +1,5 @@
 #include "client/options/scheduling_options.h"
+#include "proto/rpc/bounded_text.h"
 
 namespace lumifold::client {
 namespace {
@@ -30,7 +31,7 @@ void SchedulingOptions::AddTo(CommandLine& command_line) {
 
 v1::Scheduling SchedulingOptions::ToProto() const {
   v1::Scheduling scheduling;
-  scheduling.set_name(name);
+  scheduling.set_name(rpc::AsUtf8(name));
   scheduling.set_priority(priority);
   scheduling.set_user(user);
   for (const std::string& tag : tags) scheduling.add_tags(tag);

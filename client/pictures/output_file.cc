@@ -1,6 +1,7 @@
 #include "client/pictures/output_file.h"
 
 #include <unistd.h>
+#include <climits>
 
 #include <cerrno>
 #include <cstring>
@@ -48,6 +49,11 @@ absl::Status CheckOutput(const std::string& path) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored))
     return absl::InvalidArgumentError(absl::StrCat("cannot write ", path, ": it is a folder"));
+  const size_t length = std::filesystem::path(path).filename().string().size();
+  if (length > NAME_MAX) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("cannot write ", path, ": its name has ", length, " bytes, more than ", NAME_MAX));
+  }
   return absl::OkStatus();
 }
 
@@ -59,13 +65,6 @@ absl::Status WriteLayer(const std::string& exr_path, const std::string& layer,
     return absl::NotFoundError(absl::StrCat(exr_path, ": has no colour layer '", layer, "'"));
   }
   return OfThisMachine(pictures::WriteDisplayed(path, image->GetColor(layer), display));
-}
-
-absl::Status MoveIntoPlace(const std::string& from, const std::string& to) {
-  std::error_code error;
-  std::filesystem::rename(from, to, error);
-  if (!error) return absl::OkStatus();
-  return absl::InternalError(absl::StrCat("cannot write ", to, ": ", error.message()));
 }
 
 }  // namespace lumifold::client

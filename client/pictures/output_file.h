@@ -32,8 +32,4 @@ absl::Status CheckOutput(const std::string& path);
 absl::Status WriteLayer(const std::string& exr_path, const std::string& layer,
                         const pictures::DisplayOptions& display, const std::string& path);
 
-/// Renames a complete file to its final name.
-/// Errors: kInternal with the system's message.
-absl::Status MoveIntoPlace(const std::string& from, const std::string& to);
-
 }  // namespace lumifold::client

@@ -7,6 +7,7 @@
 #include "client/cli/exit_code.h"
 #include "client/pictures/output_file.h"
 #include "filter/image/exr_io.h"
+#include "filter/image/file_io.h"
 #include "filter/image/layers.h"
 #include "proto/rpc/image_codec.h"
 
@@ -56,9 +57,8 @@ absl::Status PreviewFile::Write(const v1::Preview& preview) const {
   const absl::StatusOr<PictureFormat> format = PictureFormatOf(options_.path);
   if (!format.ok()) return format.status();
   // Beside it, with the same ending, which says what is written.
-  const std::filesystem::path path(options_.path);
-  const std::string part =
-      (path.parent_path() / (path.stem().string() + ".part" + path.extension().string())).string();
+  const std::string ending = std::filesystem::path(options_.path).extension().string();
+  const std::string part = NameBeside(FileBehind(options_.path), ".part" + ending);
   const absl::StatusOr<LayeredImage> picture =
       rpc::ImageFromBytes(preview.layout(), preview.planes(), kLimits);
   if (!picture.ok()) return picture.status();
@@ -68,7 +68,7 @@ absl::Status PreviewFile::Write(const v1::Preview& preview) const {
           ? WriteExr(part, *picture)
           : pictures::WriteDisplayed(part, picture->GetColor(layers::kBeauty), options_.display);
   if (!written.ok()) return OfThisMachine(written);
-  return MoveIntoPlace(part, options_.path);
+  return OfThisMachine(MoveIntoPlace(part, options_.path));
 }
 
 }  // namespace lumifold::client

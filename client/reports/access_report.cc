@@ -1,4 +1,5 @@
 #include "client/reports/access_report.h"
+#include "proto/rpc/bounded_text.h"
 
 #include <nlohmann/json.hpp>
 #include <vector>
@@ -126,7 +127,7 @@ std::string IdentityTableLine(const v1::Credential& credential) {
   return absl::StrFormat("%-32s %-11s %-6s %-7s %-19s %-17s %s\n", credential.id(),
                          FormName(credential.form()), KindName(credential.kind()),
                          StateName(credential.state()), LocalTimeText(credential.expires_unix_ms()),
-                         scopes.empty() ? "-" : scopes, credential.name());
+                         scopes.empty() ? "-" : scopes, rpc::Printable(credential.name()));
 }
 
 std::string IdentityJson(const v1::Credential& credential) {

@@ -1,4 +1,5 @@
 #include "client/reports/farm_report.h"
+#include "proto/rpc/bounded_text.h"
 
 #include <nlohmann/json.hpp>
 
@@ -52,11 +53,11 @@ std::string WorkerTableLine(const v1::WorkerStatus& worker, bool of_several) {
   const bool has_two_names = !worker.process().empty() && worker.process() != worker.name();
   return absl::StrFormat(
       "%-8s %-24s %-9s %6d %6d %8d %6d %7.2f  %s%s\n", worker.worker_id().empty() ? "-" : worker.worker_id(),
-      has_two_names ? absl::StrCat(worker.name(), "/", worker.process()) : worker.name(),
+      rpc::Printable(has_two_names ? absl::StrCat(worker.name(), "/", worker.process()) : worker.name()),
       WorkerStateName(worker.state()), worker.leases(), worker.slots(), worker.units_done(),
       worker.units_failed(), worker.seconds_per_unit(),
       of_several ? CoordinatorColumn(worker.coordinator().empty() ? "-" : worker.coordinator()) : "",
-      worker.reason());
+      rpc::Printable(worker.reason()));
 }
 
 std::string WorkerJson(const v1::WorkerStatus& worker) {

@@ -1,4 +1,5 @@
 #include "client/reports/job_report.h"
+#include "proto/rpc/bounded_text.h"
 
 #include <algorithm>
 #include <array>
@@ -138,14 +139,14 @@ std::string JobText(const v1::JobStatus& status) {
   };
   line("job", status.job_id());
   line("state", StateName(status.state()));
-  line("scene", status.display_name());
+  line("scene", rpc::Printable(status.display_name()));
   if (!status.error().empty()) line("error", status.error());
   for (const std::string& warning : status.warnings()) line("warning", warning);
   line("submitted", SubmittedText(status));
   const v1::Scheduling& scheduling = status.scheduling();
-  if (!scheduling.user().empty()) line("user", scheduling.user());
+  if (!scheduling.user().empty()) line("user", rpc::Printable(scheduling.user()));
   line("priority", scheduling.priority());
-  if (scheduling.tags_size() > 0) line("tags", absl::StrJoin(scheduling.tags(), ", "));
+  if (scheduling.tags_size() > 0) line("tags", rpc::Printable(absl::StrJoin(scheduling.tags(), ", ")));
   if (scheduling.max_leases() > 0) line("max leases", scheduling.max_leases());
   if (scheduling.after_size() > 0) line("after", absl::StrJoin(scheduling.after(), ", "));
   if (!status.coordinator().empty()) line("coordinator", status.coordinator());
@@ -169,8 +170,8 @@ std::string JobTableHead() {
 
 std::string JobTableLine(const v1::JobStatus& status) {
   return absl::StrFormat("%-20s %-10s %4d%%  %-20s %-12s %s\n", status.job_id(), StateName(status.state()),
-                         PercentDone(status), SubmittedText(status), status.scheduling().user(),
-                         status.display_name());
+                         PercentDone(status), SubmittedText(status),
+                         rpc::Printable(status.scheduling().user()), rpc::Printable(status.display_name()));
 }
 
 }  // namespace lumifold::client

@@ -1,4 +1,5 @@
 #include "client/scene/assets.h"
+#include "proto/rpc/bounded_text.h"
 
 #include <sys/stat.h>
 #include <unistd.h>
@@ -267,7 +268,7 @@ v1::SceneRef MakeSceneRef(const SceneAssets& assets) {
   v1::SceneRef scene;
   *scene.mutable_file() = assets.front().ref;
   for (size_t i = 1; i < assets.size(); ++i) *scene.add_dependencies() = assets[i].ref;
-  scene.set_display_name(std::filesystem::path(assets.front().path).filename().string());
+  scene.set_display_name(rpc::AsUtf8(std::filesystem::path(assets.front().path).filename().string()));
   return scene;
 }
 

@@ -17,6 +17,18 @@
 
 namespace lumifold {
 
+namespace {
+
+/// Gives a new file the mode of the one that it will replace, if there is one. Where that is not allowed the
+/// file keeps its own.
+void TakeMode(const std::string& replaced, int file) {
+  struct stat info;
+  if (stat(replaced.c_str(), &info) != 0 || !S_ISREG(info.st_mode)) return;
+  if (fchmod(file, info.st_mode & 0777) != 0) return;
+}
+
+}  // namespace
+
 AtomicFile::AtomicFile(std::string path, std::string temporary, int file, FileSystem* files)
     : files_(files), path_(std::move(path)), temporary_(std::move(temporary)), file_(file) {}
 
@@ -33,10 +45,13 @@ AtomicFile::~AtomicFile() {
 
 absl::StatusOr<AtomicFile> AtomicFile::Create(const std::string& path, FileSystem* files) {
   static std::atomic<uint64_t> counter{0};
-  std::string temporary = absl::StrCat(path, ".", getpid(), "-", counter.fetch_add(1), kPartialSuffix);
+  const std::string target = files->IsPrivate() ? path : FileBehind(path);
+  std::string temporary =
+      NameBeside(target, absl::StrCat(".", getpid(), "-", counter.fetch_add(1), kPartialSuffix));
   const int file = files->Open(temporary, O_WRONLY | O_CREAT | O_EXCL);
   if (file < 0) return WriteError(path, file);
-  return AtomicFile(path, std::move(temporary), file, files);
+  if (!files->IsPrivate()) TakeMode(target, file);
+  return AtomicFile(target, std::move(temporary), file, files);
 }
 
 absl::Status AtomicFile::Write(uint64_t offset, std::string_view bytes) {
@@ -91,6 +106,17 @@ absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes
   if (!file.ok()) return file.status();
   if (absl::Status status = file->Write(0, bytes); !status.ok()) return status;
   return file->Commit();
+}
+
+absl::Status MoveIntoPlace(const std::string& from, const std::string& to) {
+  const std::string target = FileBehind(to);
+  const int file = open(from.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file >= 0) {
+    TakeMode(target, file);
+    close(file);
+  }
+  const int error = RealFileSystem()->Rename(from, target);
+  return error == 0 ? absl::OkStatus() : WriteError(to, error);
 }
 
 absl::Status CheckIsFile(const std::string& path) {

@@ -15,7 +15,8 @@ namespace lumifold {
 inline constexpr char kPartialSuffix[] = ".partial";
 
 /// A file that is written atomically: it is written under a temporary name and renamed at the end. If the
-/// object is destroyed before that, the temporary file is deleted.
+/// object is destroyed before that, the temporary file is deleted. It has the mode of the file that it replaces;
+/// a symbolic link stays, and what it names is replaced. Private files (FileSystem::IsPrivate) do neither.
 /// Errors: kUnavailable with path and system message.
 class AtomicFile {
  public:
@@ -66,6 +67,9 @@ class ScratchFile {
 /// Errors: kUnavailable with path and the system's message.
 absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes,
                                  FileSystem* files = RealFileSystem());
+
+/// Renames the complete file `from` to `to`, as AtomicFile does, within one file system.
+absl::Status MoveIntoPlace(const std::string& from, const std::string& to);
 
 /// Whether `path` is a regular file.
 /// Errors: kNotFound; kInvalidArgument.

@@ -10,6 +10,8 @@
 #include <cerrno>
 #include <climits>
 #include <cstdio>
+#include <filesystem>
+#include <system_error>
 #include <vector>
 
 namespace lumifold {
@@ -34,6 +36,8 @@ std::vector<iovec> Remaining(absl::Span<const std::string_view> pieces, size_t d
 class RealFiles final : public FileSystem {
  public:
   RealFiles(mode_t file_mode, mode_t folder_mode) : file_mode_(file_mode), folder_mode_(folder_mode) {}
+
+  bool IsPrivate() const override { return (file_mode_ & 077) == 0; }
 
   int Open(const std::string& path, int flags) override {
     while (true) {
@@ -94,7 +98,7 @@ class RealFiles final : public FileSystem {
 }  // namespace
 
 FileSystem* RealFileSystem() {
-  static RealFiles files(0644, 0777);
+  static RealFiles files(0666, 0777);
   return &files;
 }
 
@@ -107,6 +111,23 @@ std::string FolderOf(const std::string& path) {
   const size_t slash = path.rfind('/');
   if (slash == std::string::npos) return ".";
   return slash == 0 ? "/" : path.substr(0, slash);
+}
+
+std::string NameBeside(const std::string& path, std::string_view suffix) {
+  const size_t name = path.rfind('/') + 1;  // 0 without a folder
+  const size_t most = NAME_MAX > suffix.size() ? NAME_MAX - suffix.size() : 0;
+  return std::string(path, 0, name + std::min(path.size() - name, most)).append(suffix);
+}
+
+std::string FileBehind(const std::string& path) {
+  std::string file = path;
+  for (int links = 0; links < 40; ++links) {  // a circle of links is an error when the file is opened
+    std::error_code error;
+    const std::filesystem::path target = std::filesystem::read_symlink(file, error);
+    if (error) return file;
+    file = (std::filesystem::path(file).parent_path() / target).string();
+  }
+  return file;
 }
 
 }  // namespace lumifold

@@ -17,6 +17,9 @@ class FileSystem {
  public:
   virtual ~FileSystem() = default;
 
+  /// Whether its files are for their owner alone: they take no mode of another file, and follow no link.
+  virtual bool IsPrivate() const { return false; }
+
   /// open(2), close-on-exec. Returns the descriptor, which the caller closes. The implementation
   /// decides the mode of new files and folders.
   virtual int Open(const std::string& path, int flags) = 0;
@@ -37,7 +40,7 @@ class FileSystem {
   virtual int MakeFolder(const std::string& path) = 0;
 };
 
-/// The file system of this machine. New files get mode 0644 and new folders 0777, less the umask.
+/// The file system of this machine. New files get mode 0666 and new folders 0777, less the umask.
 FileSystem* RealFileSystem();
 
 /// The same for files that only their owner may read: modes 0600 and 0700.
@@ -45,5 +48,11 @@ FileSystem* PrivateFileSystem();
 
 /// The folder of a file, for SyncFolder.
 std::string FolderOf(const std::string& path);
+
+/// `path` with `suffix` behind its name, which is cut where file systems would not take the whole.
+std::string NameBeside(const std::string& path, std::string_view suffix);
+
+/// The file that is written under the name `path`: what it links to, if it is a symbolic link.
+std::string FileBehind(const std::string& path);
 
 }  // namespace lumifold

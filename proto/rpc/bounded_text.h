@@ -12,6 +12,13 @@ namespace lumifold::rpc {
 /// has no control characters is unchanged. `text` is UTF-8.
 std::string BoundedLine(std::string_view text, size_t max_bytes);
 
+/// `text` in one line of a terminal that nobody else's text can change: control characters and bytes that are
+/// not UTF-8 are shown as "\n", "\x1b" and the like. Other text is unchanged.
+std::string Printable(std::string_view text);
+
+/// `text` as UTF-8, which messages must be: bytes that are not become U+FFFD.
+std::string AsUtf8(std::string_view text);
+
 /// Each of `lines` once, in the order of first occurrence, as BoundedLine. If there are more than
 /// `max_lines`, the last line returned is the number of lines that are left out. Applied to its own result,
 /// it changes nothing.

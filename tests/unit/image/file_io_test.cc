@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <filesystem>
 
@@ -30,6 +31,52 @@ TEST(FileIo, ReadsBackWhatItWroteAndLeavesNothingBeside) {
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(*read, bytes);
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder), {}), 1);
+}
+
+std::filesystem::perms ModeOf(const std::filesystem::path& path) {
+  return std::filesystem::status(path).permissions();
+}
+
+TEST(FileIo, ANewFileHasTheModeOfTheUmaskAndOneThatIsReplacedKeepsItsOwn) {
+  const auto folder = FreshFolder();
+  const mode_t before = umask(002);
+  ASSERT_TRUE(WriteFileAtomically(folder / "new", "x").ok());
+  umask(before);
+  EXPECT_EQ(ModeOf(folder / "new"), std::filesystem::perms(0664));
+  std::filesystem::permissions(folder / "new", std::filesystem::perms(0640));
+  ASSERT_TRUE(WriteFileAtomically(folder / "new", "y").ok());
+  EXPECT_EQ(ModeOf(folder / "new"), std::filesystem::perms(0640));
+  ASSERT_TRUE(WriteFileAtomically(folder / "new", "z", PrivateFileSystem()).ok());
+  EXPECT_EQ(ModeOf(folder / "new"), std::filesystem::perms(0600)) << "a secret takes no mode of another file";
+}
+
+TEST(FileIo, WritesThroughALink) {
+  const auto folder = FreshFolder();
+  std::filesystem::create_directory(folder / "disk");
+  std::filesystem::create_symlink("disk/real", folder / "link");
+  for (const char* content : {"first", "second"}) {
+    ASSERT_TRUE(WriteFileAtomically(folder / "link", content).ok());
+    EXPECT_TRUE(std::filesystem::is_symlink(folder / "link"));
+    EXPECT_EQ(ReadFile(folder / "disk/real", 99).value(), content);
+  }
+  ASSERT_TRUE(WriteFileAtomically(folder / "part", "third").ok());
+  ASSERT_TRUE(MoveIntoPlace(folder / "part", folder / "link").ok());
+  EXPECT_EQ(ReadFile(folder / "disk/real", 99).value(), "third");
+  std::filesystem::create_symlink("circle", folder / "circle");
+  EXPECT_EQ(WriteFileAtomically(folder / "circle", "x").code(), absl::StatusCode::kUnavailable);
+}
+
+TEST(FileIo, TakesNamesUpToTheLimitOfTheFileSystem) {
+  const auto folder = FreshFolder();
+  for (const size_t length : {251, 255}) {
+    const std::string name(length, 'n');
+    ASSERT_TRUE(WriteFileAtomically(folder / name, "x").ok()) << length;
+    EXPECT_TRUE(std::filesystem::exists(folder / name));
+  }
+  EXPECT_FALSE(WriteFileAtomically(folder / std::string(256, 'n'), "x").ok());
+  EXPECT_EQ(NameBeside("folder/" + std::string(255, 'n'), ".part"),
+            "folder/" + std::string(250, 'n') + ".part");
+  EXPECT_EQ(NameBeside("oak.exr", ".part"), "oak.exr.part");
 }
 
 TEST(FileIo, NamesThePathThatCannotBeWritten) {

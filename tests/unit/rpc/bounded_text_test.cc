@@ -32,6 +32,23 @@ TEST(BoundedText, CharactersAreNotCut) {
   EXPECT_EQ(BoundedLine(line, 64), line);
 }
 
+TEST(Printable, TextOfOthersCannotMoveTheCursor) {
+  EXPECT_EQ(Printable("Stuhl \xc3\xa4 \xf0\x9f\xaa\x91"), "Stuhl \xc3\xa4 \xf0\x9f\xaa\x91");
+  EXPECT_EQ(Printable("a\nb\x1b[2K\x7f"), "a\\nb\\x1b[2K\\x7f");
+  EXPECT_EQ(Printable("\xc2\x9b"
+                      "A\xff\xe4"),
+            "\\xc2\\x9bA\\xff\\xe4")
+      << "a control character of two bytes";
+}
+
+TEST(AsUtf8, BytesThatAreNoneAreReplaced) {
+  EXPECT_EQ(AsUtf8("oak \xe6\xa4\x85.glb"), "oak \xe6\xa4\x85.glb");
+  EXPECT_EQ(AsUtf8("st\xfchl"), "st\xef\xbf\xbdhl") << "Latin 1";
+  EXPECT_EQ(AsUtf8("\xc0\x80"), "\xef\xbf\xbd\xef\xbf\xbd") << "overlong";
+  EXPECT_EQ(AsUtf8("\xed\xa0\x80"), "\xef\xbf\xbd\xef\xbf\xbd\xef\xbf\xbd") << "a surrogate";
+  EXPECT_EQ(AsUtf8("a\xe6\xa4"), "a\xef\xbf\xbd\xef\xbf\xbd") << "cut short";
+}
+
 TEST(BoundedText, EachLineOnceAndTheRestCounted) {
   EXPECT_THAT(BoundedLines(std::vector<std::string>{"b", "a", "b"}, 2, 64), ElementsAre("b", "a"));
   const std::vector<std::string> five = {"b", "a", "b", "c", "d", "e"};

@@ -6,7 +6,7 @@ namespace lumifold::client {
 namespace {
 
 TEST(FrameRange, RefusesWhatIsNoRangeAndSaysWhatIsExpected) {
-  for (const char* text : {"",     "-",     "1-",  "-3",   "5-4",        "1-2-3",         "a",  "1-b", " 1",
+  for (const char* text : {"",     "-",     "1-",   "5-4",        "1-2-3",         "a",  "1-b", " 1",
                            "1 -2", "+1",    "1.5", "1..3", "2147483647", "0-99999999999", "1,", ",1",  "1,,2",
                            "3,2",  "1-4,4", "7,7", "1, 2"}) {
     EXPECT_EQ(ParseFrames(text).status(),

@@ -4,7 +4,7 @@
 #include <chrono>
 
 #include "filter/image/check.h"
-#include "worker/render/embree_api.h"
+#include "worker/render/tracing/embree_api.h"
 
 // The linker sends every call of rtcX to __wrap_rtcX and every call of __real_rtcX to Embree. Versions 3 and
 // 4 differ in the order of the arguments and in what a query's context is.

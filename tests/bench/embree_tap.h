@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "worker/render/embree_api.h"
+#include "worker/render/tracing/embree_api.h"
 
 /// Listens to what the renderer asks of Embree, for programs linked with --wrap for the functions named in
 /// embree_tap.cc. The renderer knows nothing of it; a thread that is not listened to pays one branch a ray.

@@ -7,7 +7,7 @@
 #include "absl/status/statusor.h"
 #include "worker/plan/probe.h"
 #include "worker/render/renderer.h"
-#include "worker/render/tracing_plan.h"
+#include "worker/render/tracing/tracing_plan.h"
 #include "worker/scene/scene.h"
 
 /// What a scene needs modelled: see docs/plan.md.

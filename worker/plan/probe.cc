@@ -6,10 +6,10 @@
 #include <utility>
 
 #include "filter/image/color.h"
-#include "worker/render/camera_packet.h"
-#include "worker/render/embree_scene.h"
-#include "worker/render/path_tracer.h"
-#include "worker/render/processor.h"
+#include "worker/render/geometry/camera_packet.h"
+#include "worker/render/tracing/embree_scene.h"
+#include "worker/render/tracing/path_tracer.h"
+#include "worker/render/tracing/processor.h"
 
 namespace lumifold::plan {
 namespace {

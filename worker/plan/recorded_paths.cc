@@ -5,8 +5,8 @@
 #include <numeric>
 
 #include "filter/image/color.h"
-#include "worker/render/camera_packet.h"
-#include "worker/render/processor.h"
+#include "worker/render/geometry/camera_packet.h"
+#include "worker/render/tracing/processor.h"
 
 namespace lumifold::plan {
 namespace {

@@ -5,10 +5,10 @@
 #include <span>
 #include <vector>
 
-#include "worker/render/camera.h"
-#include "worker/render/path_tracer.h"
+#include "worker/render/geometry/camera.h"
 #include "worker/render/renderer.h"
-#include "worker/render/roulette.h"
+#include "worker/render/sampling/roulette.h"
+#include "worker/render/tracing/path_tracer.h"
 
 namespace lumifold::plan {
 

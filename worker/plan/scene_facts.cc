@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "worker/render/opacity.h"
+#include "worker/render/materials/opacity.h"
 #include "worker/scene/diagnostics.h"
 
 namespace lumifold::plan {

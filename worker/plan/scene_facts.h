@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <string>
 
-#include "worker/render/lobes.h"
+#include "worker/render/materials/lobes.h"
 #include "worker/scene/scene.h"
 
 namespace lumifold::plan {

@@ -6,10 +6,10 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "worker/render/fragments.h"
-#include "worker/render/geometry_unit.h"
-#include "worker/render/pass_sums.h"
-#include "worker/render/processor.h"
+#include "worker/render/geometry/fragments.h"
+#include "worker/render/geometry/geometry_unit.h"
+#include "worker/render/tracing/pass_sums.h"
+#include "worker/render/tracing/processor.h"
 
 namespace lumifold::render {
 namespace {

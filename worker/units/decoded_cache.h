@@ -9,8 +9,8 @@
 #include "absl/status/statusor.h"
 #include "lumifold/v1/job.pb.h"
 #include "worker/cache/content_cache.h"
-#include "worker/render/environment.h"
-#include "worker/render/mip_chain.h"
+#include "worker/render/lights/environment.h"
+#include "worker/render/textures/mip_chain.h"
 #include "worker/scene/scene.h"
 
 namespace lumifold::worker {

@@ -5,9 +5,9 @@
 
 #include "filter/image/layers.h"
 #include "filter/image/portable_math.h"
-#include "worker/render/pass_sums.h"
-#include "worker/render/path_state.h"
-#include "worker/render/processor.h"
+#include "worker/render/tracing/pass_sums.h"
+#include "worker/render/tracing/path_state.h"
+#include "worker/render/tracing/processor.h"
 
 namespace lumifold::render {
 namespace {

@@ -8,11 +8,11 @@
 #include <span>
 
 #include "absl/functional/function_ref.h"
-#include "worker/render/camera_packet.h"
-#include "worker/render/geometry_sample.h"
-#include "worker/render/layer_sample.h"
+#include "worker/render/geometry/camera_packet.h"
 #include "worker/render/renderer.h"
-#include "worker/render/surface.h"
+#include "worker/render/tracing/geometry_sample.h"
+#include "worker/render/tracing/layer_sample.h"
+#include "worker/render/tracing/surface.h"
 
 /// What tests and charts ask of a renderer beyond what the farm needs. No program of the farm uses this
 /// header.

@@ -6,7 +6,7 @@
 
 #include "tests/support/gltf_fixture.h"
 #include "worker/plan/plan.h"
-#include "worker/render/environment.h"
+#include "worker/render/lights/environment.h"
 #include "worker/scene/scene.h"
 
 /// Tiny scenes, each of which needs some part of the model only.

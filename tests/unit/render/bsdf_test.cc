@@ -1,4 +1,4 @@
-#include "worker/render/bsdf.h"
+#include "worker/render/materials/bsdf.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "worker/render/sampler.h"
+#include "worker/render/sampling/sampler.h"
 
 namespace lumifold::render {
 namespace {

@@ -1,4 +1,4 @@
-#include "worker/render/camera.h"
+#include "worker/render/geometry/camera.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "worker/render/cell_distributions.h"
+#include "worker/render/lights/cell_distributions.h"
 
 #include <gtest/gtest.h>
 

@@ -10,8 +10,8 @@
 #include "tests/charts/access/charts_access.h"
 #include "tests/support/analytic_scenes.h"
 #include "tests/unit/render/pictures.h"
-#include "worker/render/camera_packet.h"
-#include "worker/render/frame.h"
+#include "worker/render/geometry/camera_packet.h"
+#include "worker/render/sampling/frame.h"
 
 namespace lumifold::render {
 namespace {

@@ -1,4 +1,4 @@
-#include "worker/render/embree_scene.h"
+#include "worker/render/tracing/embree_scene.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "worker/render/environment.h"
+#include "worker/render/lights/environment.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "worker/render/fragments.h"
+#include "worker/render/geometry/fragments.h"
 
 #include <gtest/gtest.h>
 

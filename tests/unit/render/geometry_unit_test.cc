@@ -1,4 +1,4 @@
-#include "worker/render/geometry_unit.h"
+#include "worker/render/geometry/geometry_unit.h"
 
 #include <gtest/gtest.h>
 
@@ -14,7 +14,7 @@
 #include "tests/support/analytic_scenes.h"
 #include "tests/unit/render/levels.h"
 #include "tests/unit/render/pictures.h"
-#include "worker/render/edge_set.h"
+#include "worker/render/geometry/edge_set.h"
 #include "worker/render/renderer.h"
 
 namespace lumifold::render {

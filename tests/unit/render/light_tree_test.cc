@@ -1,4 +1,4 @@
-#include "worker/render/light_tree.h"
+#include "worker/render/lights/light_tree.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "worker/render/lights.h"
+#include "worker/render/lights/lights.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 #include "filter/image/layers.h"
 #include "tests/support/analytic_scenes.h"
 #include "tests/unit/render/pictures.h"
-#include "worker/render/alias_table.h"
+#include "worker/render/lights/alias_table.h"
 #include "worker/render/renderer.h"
 
 namespace lumifold::render {

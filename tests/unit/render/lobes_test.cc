@@ -1,12 +1,12 @@
-#include "worker/render/lobes.h"
+#include "worker/render/materials/lobes.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "filter/image/mix_bits.h"
-#include "worker/render/bsdf.h"
-#include "worker/render/surface.h"
+#include "worker/render/materials/bsdf.h"
+#include "worker/render/tracing/surface.h"
 
 namespace lumifold::render {
 namespace {

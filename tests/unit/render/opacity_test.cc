@@ -1,4 +1,4 @@
-#include "worker/render/opacity.h"
+#include "worker/render/materials/opacity.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "worker/render/texture_ranges.h"
+#include "worker/render/textures/texture_ranges.h"
 
 namespace lumifold::render {
 namespace {

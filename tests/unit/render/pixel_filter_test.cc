@@ -1,4 +1,4 @@
-#include "worker/render/pixel_filter.h"
+#include "worker/render/sampling/pixel_filter.h"
 
 #include <gtest/gtest.h>
 

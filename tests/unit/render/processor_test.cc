@@ -1,4 +1,4 @@
-#include "worker/render/processor.h"
+#include "worker/render/tracing/processor.h"
 
 #include <gtest/gtest.h>
 

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "worker/render/sampler.h"
+#include "worker/render/sampling/sampler.h"
 
 namespace lumifold::render {
 namespace {

@@ -1,4 +1,4 @@
-#include "worker/render/sampler.h"
+#include "worker/render/sampling/sampler.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "worker/render/sheen.h"
+#include "worker/render/materials/sheen.h"
 
 #include <gtest/gtest.h>
 

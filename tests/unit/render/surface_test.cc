@@ -1,5 +1,5 @@
 // What a surface takes of its triangle: all three corners count, whichever comes first.
-#include "worker/render/surface.h"
+#include "worker/render/tracing/surface.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "worker/render/texture.h"
+#include "worker/render/textures/texture.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "worker/render/visibility.h"
+#include "worker/render/tracing/visibility.h"
 
 #include <gtest/gtest.h>
 

@@ -11,8 +11,8 @@
 #include "filter/image/mix_bits.h"
 #include "tests/support/analytic_scenes.h"
 #include "tests/unit/render/pictures.h"
-#include "worker/render/embree_scene.h"
-#include "worker/render/processor.h"
+#include "worker/render/tracing/embree_scene.h"
+#include "worker/render/tracing/processor.h"
 
 namespace lumifold::render {
 namespace {

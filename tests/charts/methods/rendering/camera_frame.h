@@ -9,9 +9,9 @@
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "tests/charts/access/charts_access.h"
-#include "worker/render/camera_packet.h"
-#include "worker/render/processor.h"
+#include "worker/render/geometry/camera_packet.h"
 #include "worker/render/renderer.h"
+#include "worker/render/tracing/processor.h"
 
 namespace lumifold::charts {
 

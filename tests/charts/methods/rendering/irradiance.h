@@ -6,7 +6,7 @@
 #include <span>
 
 #include "tests/charts/access/charts_access.h"
-#include "worker/render/surface.h"
+#include "worker/render/tracing/surface.h"
 
 namespace lumifold::charts {
 

@@ -7,7 +7,7 @@
 #include "filter/image/planes.h"
 #include "filter/image/portable_math.h"
 #include "tests/charts/methods/rendering/irradiance.h"
-#include "worker/render/frame.h"
+#include "worker/render/sampling/frame.h"
 
 namespace lumifold::charts {
 namespace {

@@ -1,0 +1,99 @@
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "worker/render/lights/alias_table.h"
+#include "worker/render/lights/environment.h"
+#include "worker/render/lights/light_tree.h"
+#include "worker/render/lights/punctual.h"
+#include "worker/render/textures/texture.h"
+#include "worker/scene/scene.h"
+
+namespace lumifold::render {
+
+/// A sampled point on a light, or a sampled direction towards an infinite light.
+struct LightSample {
+  scene::Vec3 direction;  // unit, towards the light
+  scene::Vec3 radiance;   // incident; for a delta light the irradiance perpendicular to `direction`
+  float pdf = 0;          // per steradian; for a delta light its probability; 0: no sample
+  float distance = std::numeric_limits<float>::infinity();
+  bool is_delta = false;  // a delta light (point, spot, directional): sampled directions cannot hit it
+};
+
+/// All lights of a scene: emissive triangles, punctual lights and the environment. One of them is sampled in
+/// proportion to power, or by a light tree if there are many. If there are both finite and infinite lights,
+/// each kind gets at least a quarter of the samples, because the power of infinite lights says little about
+/// how much of it gets indoors. Threads: safe concurrently. Keeps pointers to its constructor's arguments.
+class LightSet {
+ public:
+  /// `environment` may be null.
+  LightSet(const scene::Scene& scene, const TextureSampler& textures,
+           std::shared_ptr<const Environment> environment);
+
+  bool IsEmpty() const { return finite_share_ <= 0 && infinite_.IsEmpty(); }
+  bool HasEnvironment() const { return environment_ != nullptr; }
+
+  /// Samples a light for the shading point `from`; `u_light` (selects the light) and `u` are random numbers
+  /// in [0, 1). The set must not be empty.
+  LightSample Sample(const LightReceiver& from, float u_light, scene::Vec2 u) const;
+
+  /// The density, per steradian at `from`, with which Sample() returns the point of this triangle at
+  /// `distance`, where the direction has the cosine `cos_light` to its normal; 0 if it is no light.
+  float DensityOfHit(const LightReceiver& from, int instance, uint32_t triangle, float distance,
+                     float cos_light) const;
+
+  /// Radiance of the environment from `direction`, and the density of Sample() there; there must be an
+  /// environment.
+  scene::Vec3 EnvironmentRadiance(scene::Vec3 direction) const { return environment_->Radiance(direction); }
+  float EnvironmentDensity(scene::Vec3 direction) const {
+    return environment_share_ * environment_->Density(direction);
+  }
+
+ private:
+  struct Triangle {
+    scene::Vec3 corner;
+    scene::Vec3 edge1;
+    scene::Vec3 edge2;
+    scene::Vec3 normal;
+    float inverse_area = 0;  // 0: no area
+    scene::Vec3 radiance;    // without texture
+    bool double_sided = false;
+    const scene::Material* textured = nullptr;  // its material, if that has an emission texture
+    const scene::Mesh* alpha_mesh = nullptr;    // its mesh, if the material is not opaque
+    uint32_t number = 0;                        // of the triangle in its mesh
+    scene::Vec2 uv[2][3];                       // [set][corner]
+  };
+  struct Powers;
+
+  void AddInstance(const scene::Scene& scene, int index, const TextureSampler& textures,
+                   std::vector<double>* powers);
+  void AddTriangle(const scene::Mesh& mesh, size_t first_index, const scene::Affine& world_from_object,
+                   double luminance, std::vector<double>* powers);
+  void AddPunctual(const scene::Scene& scene, double scene_radius, Powers* powers);
+  void AddEnvironment(std::shared_ptr<const Environment> environment, double scene_radius, Powers* powers);
+  EmitterBounds BoundsOf(uint32_t emitter, double power) const;
+  LightTree::Choice PickFinite(const LightReceiver& from, float u_light) const;
+  // Of a light that was picked with this probability. Each sample is built where the caller keeps it: a copy
+  // of what was just written in parts waits for these stores.
+  LightSample SampleTriangle(const Triangle& light, float probability, scene::Vec3 from, scene::Vec2 u) const;
+  LightSample SamplePunctual(const PunctualEmitter& light, float probability, scene::Vec3 from) const;
+  LightSample SampleInfinite(float u_light, scene::Vec2 u) const;
+
+  const scene::Scene* scene_;
+  const TextureSampler* textures_;
+  std::vector<Triangle> triangles_;
+  std::vector<int64_t> first_of_instance_;  // index of the instance's first triangle, or -1
+  std::vector<PunctualEmitter> points_;     // points and spots; finite emitters, numbered after the triangles
+  std::vector<PunctualEmitter> directional_;
+  std::shared_ptr<const Environment> environment_;
+  AliasTable finite_;  // by power; empty if there is a tree
+  LightTree tree_;
+  AliasTable infinite_;          // directional lights, then the environment
+  float finite_share_ = 0;       // fraction of samples for finite lights
+  float environment_share_ = 0;  // fraction of samples for the environment
+};
+
+}  // namespace lumifold::render

@@ -1,0 +1,180 @@
+#include "worker/render/textures/texture.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace lumifold::render {
+namespace {
+
+using scene::ImageData;
+using scene::Vec2;
+using scene::Vec3;
+using scene::Vec4;
+
+/// Maximum number of probes; longer footprints are blurred across instead.
+constexpr int kMaxProbes = 8;
+
+/// Red, green, blue and alpha, in one register.
+using Rgba [[gnu::vector_size(4 * sizeof(float))]] = float;
+
+Vec4 ToVec4(Rgba v) { return {v[0], v[1], v[2], v[3]}; }
+
+int WrapTexel(int i, int size, scene::Wrap wrap) {
+  if (i >= 0 && i < size) return i;  // nearly always, and spares a division
+  if (wrap == scene::Wrap::kClamp) return std::clamp(i, 0, size - 1);
+  const int period = wrap == scene::Wrap::kMirror ? 2 * size : size;
+  i %= period;
+  if (i < 0) i += period;
+  return i < size ? i : period - 1 - i;
+}
+
+/// Bounds a texture coordinate so that it fits an int; larger floats have no fraction anyway.
+float BoundCoordinate(float x) { return std::clamp(x, -1e8f, 1e8f); }
+
+/// The greatest integer not above x, which BoundCoordinate() has bounded.
+int FloorToInt(float x) {
+  const int towards_zero = static_cast<int>(x);
+  return towards_zero - (static_cast<float>(towards_zero) > x ? 1 : 0);
+}
+
+template <typename T>
+T Mix(T a, T b, float t) {
+  return a + (b - a) * t;
+}
+
+Vec2 Linear(const scene::TextureRef& ref, Vec2 v) {
+  return {ref.row_u.x * v.x + ref.row_u.y * v.y, ref.row_v.x * v.x + ref.row_v.y * v.y};
+}
+
+Vec2 Transform(const scene::TextureRef& ref, Vec2 uv) { return Linear(ref, uv) + ref.offset; }
+
+/// The value of a picture at uv; texel(x, y) returns the value of one texel.
+template <typename T, typename Texel>
+T Interpolate(const ImageData& image, const scene::Texture& texture, Vec2 uv, const Texel& texel) {
+  const float x = BoundCoordinate(uv.x * static_cast<float>(image.width));
+  const float y = BoundCoordinate(uv.y * static_cast<float>(image.height));
+  if (texture.nearest) {
+    return texel(WrapTexel(FloorToInt(x), image.width, texture.wrap_s),
+                 WrapTexel(FloorToInt(y), image.height, texture.wrap_t));
+  }
+  const int left = FloorToInt(x - 0.5f);
+  const int top = FloorToInt(y - 0.5f);
+  const int x0 = WrapTexel(left, image.width, texture.wrap_s);
+  const int x1 = WrapTexel(left + 1, image.width, texture.wrap_s);
+  const int y0 = WrapTexel(top, image.height, texture.wrap_t);
+  const int y1 = WrapTexel(top + 1, image.height, texture.wrap_t);
+  const float tx = x - 0.5f - static_cast<float>(left);
+  const float ty = y - 0.5f - static_cast<float>(top);
+  return Mix(Mix(texel(x0, y0), texel(x1, y0), tx), Mix(texel(x0, y1), texel(x1, y1), tx), ty);
+}
+
+/// The linear values of a picture's texels.
+struct Texels {
+  const ImageData* image;
+  const TransferTable* color;
+  const TransferTable* alpha;
+
+  Rgba operator()(int x, int y) const {
+    const uint8_t* p = &image->rgba[(static_cast<size_t>(y) * image->width + x) * 4];
+    return Rgba{color->Decode(p[0]), color->Decode(p[1]), color->Decode(p[2]), alpha->Decode(p[3])};
+  }
+};
+
+Rgba Bilinear(const Texels& texels, const scene::Texture& texture, Vec2 uv) {
+  return Interpolate<Rgba>(*texels.image, texture, uv, texels);
+}
+
+/// Interpolates between the two levels whose texels are nearest in size to `width` texels of the picture; at
+/// most the smallest level.
+Rgba Trilinear(Texels texels, const MipLevels& levels, const scene::Texture& texture, Vec2 uv, float width) {
+  int level = 0;  // the last one whose texels are not wider than `width`
+  for (float next = 2; next <= width && level < static_cast<int>(levels.size()); next *= 2) ++level;
+  if (level > 0) texels.image = &levels[level - 1];
+  const Rgba fine = Bilinear(texels, texture, uv);
+  if (level == static_cast<int>(levels.size())) return fine;
+  const float excess = width / static_cast<float>(1 << level) - 1.0f;
+  if (!(excess > 0)) return fine;
+  texels.image = &levels[level];
+  return Mix(fine, Bilinear(texels, texture, uv), excess);
+}
+
+}  // namespace
+
+TextureSampler::TextureSampler(const scene::Scene& scene, const MipSource& mips)
+    : scene_(&scene), linear_(/*srgb=*/false), srgb_(/*srgb=*/true) {
+  for (auto& levels : levels_) levels.resize(scene.images.size());
+  for (const scene::Material& material : scene.materials) {
+    for (const scene::TextureUse& use : TexturesOf(material)) Prepare(use, mips);
+  }
+}
+
+void TextureSampler::Prepare(const scene::TextureUse& use, const MipSource& mips) {
+  if (use.ref->texture == scene::kNone) return;
+  const int image = scene_->textures[use.ref->texture].image;
+  if (image == scene::kNone) return;
+  SharedMips& levels = levels_[use.srgb][image];
+  if (levels != nullptr) return;
+  const scene::SharedImage& picture = scene_->images[image];
+  levels = mips ? mips(picture, use.srgb) : std::make_shared<const MipLevels>(MakeMips(*picture, use.srgb));
+}
+
+Vec4 TextureSampler::SampleImage(const scene::TextureRef& ref, const Vec2 uv[2], const Footprint& footprint,
+                                 bool srgb) const {
+  const scene::Texture& texture = scene_->textures[ref.texture];
+  if (texture.image == scene::kNone) return {1, 1, 1, 1};
+  const ImageData& image = *scene_->images[texture.image];
+  const Texels texels = {&image, srgb ? &srgb_ : &linear_, &linear_};
+  const Vec2 center = Transform(ref, uv[ref.uv_set]);
+  const auto texels2 = [&image](Vec2 v) {
+    const float x = v.x * static_cast<float>(image.width);
+    const float y = v.y * static_cast<float>(image.height);
+    return x * x + y * y;
+  };
+  Vec2 major = Linear(ref, footprint.diameter[ref.uv_set][0]);
+  float major2 = texels2(major);
+  float minor2 = texels2(Linear(ref, footprint.diameter[ref.uv_set][1]));
+  if (minor2 > major2) {
+    major = Linear(ref, footprint.diameter[ref.uv_set][1]);
+    std::swap(major2, minor2);
+  }
+  if (!(major2 > 1)) return ToVec4(Bilinear(texels, texture, center));
+
+  const float length = std::min(std::sqrt(major2), 1e9f);
+  const float width = std::max(std::sqrt(minor2), std::max(length / kMaxProbes, 1.0f));
+  const int probes = std::max(static_cast<int>(std::ceil(length / width)), 1);
+  const MipLevels& levels = *levels_[srgb][texture.image];
+  Rgba sum = {};
+  for (int i = 0; i < probes; ++i) {
+    const float along = (static_cast<float>(i) + 0.5f) / static_cast<float>(probes) - 0.5f;
+    sum += Trilinear(texels, levels, texture, center + major * along, width);
+  }
+  return ToVec4(sum * (1.0f / static_cast<float>(probes)));
+}
+
+Vec3 TextureSampler::Mean(const scene::TextureRef& ref, bool srgb) const {
+  if (ref.texture == scene::kNone || scene_->textures[ref.texture].image == scene::kNone) return {1, 1, 1};
+  const ImageData& image = *scene_->images[scene_->textures[ref.texture].image];
+  const Texels texels = {&image, srgb ? &srgb_ : &linear_, &linear_};
+  double sum[3] = {0, 0, 0};
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) {
+      const Rgba texel = texels(x, y);
+      for (int c = 0; c < 3; ++c) sum[c] += static_cast<double>(texel[c]);
+    }
+  }
+  const double count = static_cast<double>(image.width) * image.height;
+  return {static_cast<float>(sum[0] / count), static_cast<float>(sum[1] / count),
+          static_cast<float>(sum[2] / count)};
+}
+
+float SampleAlpha(const scene::Scene& scene, const scene::TextureRef& ref, Vec2 uv) {
+  const scene::Texture& texture = scene.textures[ref.texture];
+  if (texture.image == scene::kNone) return 1;
+  const ImageData& image = *scene.images[texture.image];
+  return Interpolate<float>(image, texture, Transform(ref, uv), [&image](int x, int y) {
+    return static_cast<float>(image.rgba[(static_cast<size_t>(y) * image.width + x) * 4 + 3]) / 255.0f;
+  });
+}
+
+}  // namespace lumifold::render

@@ -1,0 +1,82 @@
+#include "worker/render/tracing/pass_sums.h"
+
+#include <utility>
+#include <vector>
+
+namespace lumifold::render {
+namespace {
+
+using scene::Vec3;
+
+void AddLevel(const LevelSample& sample, size_t half, LevelSums* sums) {
+  sums->halved[half][0] += sample.direct;
+  sums->halved[half][1] += sample.indirect;
+  sums->whole[0] += sample.albedo;
+  sums->whole[1] += sample.emitted;
+  if (sample.has_diffuse) sums->count[half] += 1;
+}
+
+/// The sums in the order of layers::LevelPassChannels.
+std::vector<float> ValuesOf(const LevelSums& sums) {
+  std::vector<float> values;
+  const auto append = [&](Vec3 v) { values.insert(values.end(), {v.x, v.y, v.z}); };
+  for (size_t i = 0; i < layers::kLevelHalved.size(); ++i) {
+    append(sums.halved[0][i]);
+    append(sums.halved[1][i]);
+  }
+  for (const Vec3& whole : sums.whole) append(whole);
+  values.insert(values.end(), sums.count.begin(), sums.count.end());
+  return values;
+}
+
+}  // namespace
+
+void PutAll(std::span<const float> values, int x, int y, LayeredImage* image) {
+  LUMIFOLD_CHECK(values.size() == image->channels().size());
+  for (size_t i = 0; i < values.size(); ++i) image->channels()[i].plane.At(x, y) = values[i];
+}
+
+void PixelSums::Add(const LayerSample& s, size_t half) {
+  halved[half][0] += s.combined;
+  halved[half][1] += s.direct;
+  halved[half][2] += s.indirect;
+  halved[half][3] += s.glossy;
+  whole[0] += s.albedo;
+  whole[1] += s.emitted;
+  whole[2] += s.glossy_albedo;
+  count[half] += 1;
+  s.levels.ForEach(
+      [&](layers::Level level, const LevelSample& sample) { AddLevel(sample, half, &levels.Set(level)); });
+}
+
+PassPicture::PassPicture(int width, int height, const TracingPlan::Layers& carried)
+    : image_(width, height), levels_(width, height, layers::LevelPassChannels) {
+  for (size_t i = 0; i < layers::kHalved.size(); ++i) {
+    if (!carried.Has(layers::kHalved[i])) continue;
+    const ColorView a = image_.AddColor(layers::HalfA(layers::kHalved[i]));
+    const ColorView b = image_.AddColor(layers::HalfB(layers::kHalved[i]));
+    halved_.push_back({i, {a, b}});
+  }
+  for (size_t i = 0; i < layers::kWhole.size(); ++i) {
+    if (carried.Has(layers::kWhole[i])) whole_.push_back({i, image_.AddColor(layers::kWhole[i])});
+  }
+  count_ = {image_.Add(layers::kSamplesA), image_.Add(layers::kSamplesB)};
+}
+
+void PassPicture::Store(int x, int y, const PixelSums& sums) {
+  for (size_t half = 0; half < 2; ++half) {
+    for (const auto& layer : halved_) Put(layer.views[half], x, y, sums.halved[half][layer.number]);
+    count_[half].At(x, y) = sums.count[half];
+  }
+  for (const auto& layer : whole_) Put(layer.views, x, y, sums.whole[layer.number]);
+  sums.levels.ForEach([&](layers::Level level, const LevelSums& level_sums) {
+    PutAll(ValuesOf(level_sums), x, y, &levels_.At(level));
+  });
+}
+
+LayeredImage PassPicture::Take() {
+  levels_.MoveTo(&image_);
+  return std::move(image_);
+}
+
+}  // namespace lumifold::render

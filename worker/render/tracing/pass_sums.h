@@ -1,0 +1,67 @@
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "filter/image/layered_image.h"
+#include "filter/image/layers.h"
+#include "filter/image/level_images.h"
+#include "worker/render/tracing/layer_sample.h"
+#include "worker/render/tracing/tracing_plan.h"
+
+namespace lumifold::render {
+
+/// Sums over the samples of one pixel that reach a level.
+struct LevelSums {
+  std::array<std::array<scene::Vec3, layers::kLevelHalved.size()>, 2> halved;  // by half, then by layer
+  std::array<scene::Vec3, layers::kLevelWhole.size()> whole;
+  std::array<float, 2> count = {0, 0};  // samples that hit a surface with a diffuse lobe, by half
+};
+
+/// Sums over the samples of one pixel.
+struct PixelSums {
+  std::array<std::array<scene::Vec3, layers::kHalved.size()>, 2> halved;
+  std::array<scene::Vec3, layers::kWhole.size()> whole;
+  std::array<float, 2> count = {0, 0};
+  ByLevel<LevelSums> levels;
+
+  /// `half` is 0 for A, 1 for B.
+  void Add(const LayerSample& sample, size_t half);
+};
+
+/// The channels of a pass.
+class PassPicture {
+ public:
+  /// `carried`: the layers that the picture has besides C.
+  PassPicture(int width, int height, const TracingPlan::Layers& carried = {});
+
+  void Store(int x, int y, const PixelSums& sums);
+  /// Moves the picture out; levels come last.
+  LayeredImage Take();
+
+ private:
+  LayeredImage image_;
+  LevelImages levels_;
+  /// A layer that the picture has, by its number in PixelSums.
+  template <typename Views>
+  struct Carried {
+    size_t number;
+    Views views;
+  };
+  std::vector<Carried<std::array<ColorView, 2>>> halved_;
+  std::vector<Carried<ColorView>> whole_;
+  std::array<FloatView, 2> count_;
+};
+
+/// Sets one pixel of every channel; `values` has the order of the channels.
+void PutAll(std::span<const float> values, int x, int y, LayeredImage* image);
+
+/// Sets one pixel of a colour.
+inline void Put(const ColorView& view, int x, int y, scene::Vec3 value) {
+  view[0].At(x, y) = value.x;
+  view[1].At(x, y) = value.y;
+  view[2].At(x, y) = value.z;
+}
+
+}  // namespace lumifold::render

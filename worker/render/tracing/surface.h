@@ -1,0 +1,91 @@
+#pragma once
+
+#include <vector>
+
+#include "worker/render/materials/bsdf.h"
+#include "worker/render/textures/texture.h"
+#include "worker/render/tracing/embree_scene.h"
+#include "worker/scene/scene.h"
+
+namespace lumifold::render {
+
+/// A point that a ray hits, with everything that shading needs.
+struct Surface {
+  Vec3 position;
+  Vec3 geometric;    // unit face normal on the side the ray came from
+  Vec3 normal;       // unit shading normal, normal map included, on the same side
+  Vec3 coat_normal;  // the same for the clear coat; set only if there is one
+  Vec2 uv[2];
+  Footprint footprint;  // of the ray's cone; set only for materials with textures
+  Vec3 vertex_color = {1, 1, 1};
+  bool front = true;        // the ray hit the front (counter-clockwise) side
+  bool is_emissive = true;  // the material emits from at least one side
+  const scene::Material* material = nullptr;
+  const SurfaceMaterial* values = nullptr;  // the material's, if they are the same everywhere; else null
+  float epsilon = 0;      // distance from the face at which a new ray must start so as not to hit it again
+  float cone_width = 0;   // width of the ray's cone here; 0 if the scene has no textures
+  float cone_spread = 0;  // growth of that width per metre
+
+  /// The origin for rays that leave along `direction`.
+  Vec3 Offset(Vec3 direction) const {
+    return position + geometric * (Dot(direction, geometric) < 0 ? -epsilon : epsilon);
+  }
+
+  /// Sets `ray` to the ray that leaves in the sampled direction. Its cone covers about the solid angle that
+  /// the sample represents.
+  void SpawnRay(const BsdfSample& step, uint64_t random_key, Ray* ray) const;
+};
+
+/// Computes surfaces from hits. Threads: safe concurrently. Keeps pointers to its constructor's arguments.
+class SurfaceReader {
+ public:
+  SurfaceReader(const scene::Scene& scene, const TextureSampler& textures);
+  SurfaceReader(const SurfaceReader&) = delete;
+  SurfaceReader& operator=(const SurfaceReader&) = delete;
+
+  /// The surface at `hit` of `ray`, which must not be a miss.
+  Surface Read(const Hit& hit, const Ray& ray) const;
+
+  /// The material's values at the surface, with textures applied.
+  SurfaceMaterial Shade(const Surface& surface) const;
+
+  /// Radiance emitted towards the side that the ray came from.
+  Vec3 Emitted(const Surface& surface) const { return surface.is_emissive ? EmittedBy(surface) : Vec3{}; }
+
+ private:
+  /// The data of one instance that Read() needs.
+  struct InstanceData {
+    const scene::Mesh* mesh = nullptr;
+    const scene::Material* material = nullptr;
+    const SurfaceMaterial* values = nullptr;  // of the material, if they are the same everywhere
+    const scene::Affine* to_world = nullptr;
+    bool is_textured = false;  // the material has textures
+    bool is_emissive = false;  // the material emits
+    bool is_plain = false;     // flat, without textures and vertex colours: the face suffices
+  };
+
+  /// The data of a mesh, without a transform.
+  InstanceData DataOf(const scene::Scene& scene, size_t mesh_index);
+  Vec3 EmittedBy(const Surface& surface) const;
+  void ReadCorners(const InstanceData& instance, const Hit& hit, const Ray& ray, Surface* surface) const;
+  Vec3 Color(const scene::TextureRef& ref, const Surface& surface) const;
+  scene::Vec4 Data(const scene::TextureRef& ref, const Surface& surface) const;
+  Vec3 BaseColor(const Surface& surface) const;
+  Footprint FootprintAt(const scene::Mesh& mesh, const scene::Affine& to_world, const Hit& hit,
+                        const Ray& ray, Vec3 normal) const;
+  /// `normal` perturbed by a normal map.
+  Vec3 MappedNormal(const scene::TextureRef& map, float scale, const InstanceData& instance, const Hit& hit,
+                    const Surface& surface, Vec3 normal) const;
+  Vec3 CoatNormal(const InstanceData& instance, const Hit& hit, const Surface& surface, Vec3 unmapped,
+                  const Ray& ray) const;
+  void ShadeLayers(const Surface& surface, SurfaceMaterial* out) const;
+
+  const TextureSampler* textures_;
+  scene::Material default_material_;
+  std::vector<InstanceData> instances_;   // by instance
+  std::vector<SurfaceMaterial> uniform_;  // by mesh
+  bool any_textures_ = false;
+  float epsilon_;  // the part of Surface::epsilon that depends on the scene's size
+};
+
+}  // namespace lumifold::render

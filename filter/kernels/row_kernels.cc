@@ -240,11 +240,6 @@ HWY_ATTR void AddProductRow(const float* HWY_RESTRICT a, const float* HWY_RESTRI
   for (int x = 0; x < count; ++x) sums[x] += a[x] * b[x];
 }
 
-HWY_ATTR void SumRows(const float* HWY_RESTRICT a, const float* HWY_RESTRICT b, int count,
-                      float* HWY_RESTRICT out) {
-  for (int x = 0; x < count; ++x) out[x] = a[x] + b[x];
-}
-
 HWY_ATTR void QuotientRow(const float* total, float least, const float* instead, int count, float* sums) {
   const Floats d;
   const int lanes = static_cast<int>(hn::Lanes(d));
@@ -317,7 +312,6 @@ HWY_EXPORT(SliceRow);
 HWY_EXPORT(AddPairs);
 HWY_EXPORT(BlendCells);
 HWY_EXPORT(AddProductRow);
-HWY_EXPORT(SumRows);
 HWY_EXPORT(QuotientRow);
 HWY_EXPORT(CorrelateRows);
 HWY_EXPORT(StabiliseRow);
@@ -359,9 +353,6 @@ void AddPairs(const float* from, int count, float scale, float* to) {
 void BlendCells(const BlendArgs& args) { HWY_DYNAMIC_DISPATCH(BlendCells)(args); }
 void AddProductRow(const float* a, const float* b, int count, float* sums) {
   HWY_DYNAMIC_DISPATCH(AddProductRow)(a, b, count, sums);
-}
-void SumRows(const float* a, const float* b, int count, float* out) {
-  HWY_DYNAMIC_DISPATCH(SumRows)(a, b, count, out);
 }
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums) {
   HWY_DYNAMIC_DISPATCH(QuotientRow)(total, least, instead, count, sums);

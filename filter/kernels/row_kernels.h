@@ -101,8 +101,6 @@ bool SplatRow(const SplatArgs& args);
 void SliceRow(const Widening& widening, const SliceArgs& args);
 /// sums[x] += a[x] * b[x], rows of pixels.
 void AddProductRow(const float* a, const float* b, int count, float* sums);
-/// out[x] = a[x] + b[x].
-void SumRows(const float* a, const float* b, int count, float* out);
 /// to[i] = scale * (from[2 i] + from[2 i + 1]) for i < count / 2. `count` is even; `to` may be `from`.
 void AddPairs(const float* from, int count, float scale, float* to);
 /// sums[x] /= total[x]; instead[x] where the total is below `least`.

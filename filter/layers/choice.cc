@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "filter/kernels/box_mean.h"
+#include "filter/kernels/window_sums.h"
 #include "filter/layers/error_weight.h"
 
 namespace lumifold::filter {
@@ -19,34 +20,36 @@ constexpr size_t kTerms = 6;
 
 int CellsIn(int pixels) { return (pixels + kChoiceCell - 1) / kChoiceCell; }
 
-/// Sums over the pixels of each cell.
-Planes CellSums(const Planes& planes, TaskPool* pool) {
-  Planes cells;
-  for (const Plane& plane : planes) cells.emplace_back(CellsIn(plane.width()), CellsIn(plane.height()));
-  ParallelFor(pool, static_cast<int64_t>(planes.size()), [&](int64_t task) {
-    const Plane& plane = planes[static_cast<size_t>(task)];
-    Plane& sums = cells[static_cast<size_t>(task)];
-    ForEachPixel(plane.width(), plane.height(),
-                 [&](int x, int y) { sums.At(x / kChoiceCell, y / kChoiceCell) += plane.At(x, y); });
-  });
-  return cells;
-}
+/// Means over a window, in the order of the terms.
+using MeanTerms = std::array<float, kTerms>;
 
 /// Variance of t = sum(n) / sum(d) from the residuals n - t d, as for a regression through 0 with unequal
 /// variances. A pixel of leverage h, its part of sum(d), draws t towards itself, which makes residuals too
 /// small by 1 - h, and without it t may be smaller by h t: what a single pixel alone asks for, such as a
-/// firefly that both halves have hit, is not significant. For all leverages stands their mean. `mean(k)`: of
-/// the terms over `cells` cells. With `by_pixel` leverage counts as far as the halves may have agreed by
-/// chance: many samples tell by themselves what one pixel shows. They do not tell of others, so that leverage
-/// counts in full over windows wider than what looks alike.
-template <typename Mean>
-float VarianceOf(float t, const Mean& mean, float cells, bool by_pixel) {
+/// firefly that both halves have hit, is not significant. For all leverages stands their mean. `mean`: over
+/// `cells` cells. With `by_pixel` leverage counts as far as the halves may have agreed by chance: many samples
+/// tell by themselves what one pixel shows. They do not tell of others, so that leverage counts in full over
+/// windows wider than what looks alike.
+template <bool by_pixel>
+float VarianceOf(float t, const MeanTerms& mean, float cells) {
   constexpr float kMostLeverage = 0.99f;
-  const float residuals = std::max(0.0f, mean(2) - t * (2 * mean(3) - t * mean(4)));
-  const float squared = mean(1) * mean(1) * cells;
-  const float chance = by_pixel ? std::min(1.0f, std::sqrt(mean(5) / mean(1))) : 1.0f;
-  const float leverage = chance * std::min(mean(4) / squared, kMostLeverage);
+  const float residuals = std::max(0.0f, mean[2] - t * (2 * mean[3] - t * mean[4]));
+  const float squared = mean[1] * mean[1] * cells;
+  const float chance = by_pixel ? std::min(1.0f, std::sqrt(mean[5] / mean[1])) : 1.0f;
+  const float leverage = chance * std::min(mean[4] / squared, kMostLeverage);
   return residuals / (squared * (1.0f - leverage) * (1.0f - leverage)) + leverage * leverage * t * t;
+}
+
+/// t, moved towards that of the window as far as the difference is significant. Without branches, so that
+/// loops over it become vectors.
+template <bool by_pixel>
+float Refined(float t, const MeanTerms& mean, float cells, float significance) {
+  const float of_window = mean[0] / mean[1];
+  const float difference = of_window - t;
+  const float least = significance * VarianceOf<by_pixel>(of_window, mean, cells);
+  const float square = difference * difference;
+  const float moved = t + (1.0f - least / square) * difference;
+  return mean[1] > 0 && square > least ? moved : t;
 }
 
 /// Cells of a row or column of `size` in the window of this radius around cell i.
@@ -105,19 +108,6 @@ Choice::Choice(const Halves& halves, const Plane& light, const ChoiceParams& par
   }
 }
 
-Choice::Terms Choice::TermsOfPixel(const Candidate& f, const Candidate& g, int x, int y) const {
-  Terms terms;
-  terms.variance = halves_.expected_difference.width() > 0 ? halves_.expected_difference.At(x, y) : 0.0f;
-  for (size_t c = 0; c < 3; ++c) {
-    const float fa = f.a[c].At(x, y);
-    const float fb = f.b[c].At(x, y);
-    terms.AddChannel(fa, fb, g.a[c].At(x, y) - fa, g.b[c].At(x, y) - fb, halves_.a[c].At(x, y),
-                     halves_.b[c].At(x, y));
-  }
-  terms.Weigh(weight_.At(x, y), halves_.samples.At(x, y));
-  return terms;
-}
-
 Choice::Terms Choice::TermsOfPoint(const Candidate& f, const Candidate& g, size_t point) const {
   Terms terms;
   for (size_t k = 3 * point; k < 3 * point + 3; ++k) {
@@ -131,16 +121,34 @@ Choice::Terms Choice::TermsOfPoint(const Candidate& f, const Candidate& g, size_
   return terms;
 }
 
-Planes Choice::AllTerms(const Candidate& f, const Candidate& g, TaskPool* pool) const {
-  Planes planes = MakePlanes(kinds_ * kTerms, halves_.width(), halves_.height());
-  const auto set = [&](int x, int y, const Terms& terms) {
-    const float n = terms.numerator;
-    const float d = terms.denominator;
-    const std::array<float, kTerms> values = {n, d, n * n, n * d, d * d, terms.variance};
-    for (size_t k = 0; k < kTerms; ++k) planes[KindOf(x, y) * kTerms + k].At(x, y) = values[k];
-  };
-  ForEachPixel(pool, halves_.width(), halves_.height(), [&](int x, int y) {
-    if (kind_.At(x, y) != kPointKind && weight_.At(x, y) > 0) set(x, y, TermsOfPixel(f, g, x, y));
+Planes Choice::TermsOf(const Candidate& f, const Candidate& g, TaskPool* pool) const {
+  Planes planes = MakeUninitializedPlanes(3, halves_.width(), halves_.height());
+  const Plane& expected = halves_.expected_difference;
+  const std::vector<float> none(static_cast<size_t>(halves_.width()));
+  ForEachBand(pool, halves_.height(), [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      const auto rows = [&](const Planes& of) {
+        return std::array{of[0].Row(y), of[1].Row(y), of[2].Row(y)};
+      };
+      const auto fa = rows(f.a), fb = rows(f.b), ga = rows(g.a), gb = rows(g.b);
+      const auto a = rows(halves_.a), b = rows(halves_.b);
+      const float* weight = weight_.Row(y);
+      const float* kind = kind_.Row(y);
+      const float* samples = halves_.samples.Row(y);
+      const float* variance = expected.width() > 0 ? expected.Row(y) : none.data();
+      float* __restrict out[] = {planes[0].Row(y), planes[1].Row(y), planes[2].Row(y)};
+      for (int x = 0; x < halves_.width(); ++x) {
+        Terms terms;
+        terms.variance = variance[x];
+        for (size_t c = 0; c < 3; ++c)
+          terms.AddChannel(fa[c][x], fb[c][x], ga[c][x] - fa[c][x], gb[c][x] - fb[c][x], a[c][x], b[c][x]);
+        terms.Weigh(weight[x], samples[x]);
+        const bool counts = kind[x] != kPointKind && weight[x] > 0;
+        out[0][x] = counts ? terms.numerator : 0.0f;
+        out[1][x] = counts ? terms.denominator : 0.0f;
+        out[2][x] = counts ? terms.variance : 0.0f;
+      }
+    }
   });
   const size_t points = points_ != nullptr ? points_->places.size() : 0;
   for (size_t i = 0; i < points;) {  // the points of a pixel follow each other
@@ -149,57 +157,135 @@ Planes Choice::AllTerms(const Candidate& f, const Candidate& g, TaskPool* pool) 
     for (; i < points && points_->places[i] == place; ++i) {
       if (points_->weights[i] > 0) terms.Add(TermsOfPoint(f, g, i));
     }
-    set(place[0], place[1], terms);
+    planes[0].At(place[0], place[1]) = terms.numerator;
+    planes[1].At(place[0], place[1]) = terms.denominator;
+    planes[2].At(place[0], place[1]) = terms.variance;
   }
   return planes;
 }
 
-void Choice::Refine(const Planes& terms, int cell, int radius, TaskPool* pool, Plane* t) const {
-  const int width = terms[0].width();
-  const int height = terms[0].height();
-  const Planes means = BoxMeans(terms, MakePlane(width, height, 1.0f).view(), radius, pool);
+Planes Choice::CellSums(const Planes& terms, TaskPool* pool) const {
+  Planes cells = MakePlanes(kinds_ * kTerms, CellsIn(halves_.width()), CellsIn(halves_.height()));
+  ForEachPixel(pool, halves_.width(), halves_.height(), [&](int x, int y) {  // a band has whole cells
+    const float n = terms[0].At(x, y);
+    const float d = terms[1].At(x, y);
+    const std::array<float, kTerms> values = {n, d, n * n, n * d, d * d, terms[2].At(x, y)};
+    Plane* const of_kind = &cells[KindOf(x, y) * kTerms];
+    for (size_t k = 0; k < kTerms; ++k) of_kind[k].At(x / kChoiceCell, y / kChoiceCell) += values[k];
+  });
+  return cells;
+}
+
+void Choice::RefineByCells(const Planes& cells, int radius, TaskPool* pool, Plane* t) const {
+  const int width = cells[0].width();
+  const int height = cells[0].height();
+  const Planes means = BoxMeans(cells, MakePlane(width, height, 1.0f).view(), radius, pool);
   ForEachPixel(pool, t->width(), t->height(), [&](int x, int y) {
-    const int cx = x / cell;
-    const int cy = y / cell;
-    const size_t first = KindOf(x, y) * kTerms;
-    const auto mean = [&](size_t k) { return means[first + k].At(cx, cy); };
-    if (!(mean(1) > 0)) return;
-    const auto cells =
-        static_cast<float>(CellsInWindow(cx, radius, width) * CellsInWindow(cy, radius, height));
-    const float of_window = mean(0) / mean(1);
-    const float difference = of_window - t->At(x, y);
-    const float least = params_.significance * VarianceOf(of_window, mean, cells, cell == 1);
-    const float square = difference * difference;
-    if (square > least) t->At(x, y) += (1.0f - least / square) * difference;
+    const int cx = x / kChoiceCell;
+    const int cy = y / kChoiceCell;
+    const Plane* const of_kind = &means[KindOf(x, y) * kTerms];
+    MeanTerms mean;
+    for (size_t k = 0; k < kTerms; ++k) mean[k] = of_kind[k].At(cx, cy);
+    const int count = CellsInWindow(cx, radius, width) * CellsInWindow(cy, radius, height);
+    t->At(x, y) = Refined<false>(t->At(x, y), mean, static_cast<float>(count), params_.significance);
   });
 }
 
-Plane Choice::Smooth(const Planes& share, TaskPool* pool) const {
-  Plane smooth(halves_.width(), halves_.height());
-  for (size_t kind = 0; kind < kinds_; ++kind) {
-    Plane weights(halves_.width(), halves_.height());
-    ForEachPixel(pool, halves_.width(), halves_.height(), [&](int x, int y) {
-      if (KindOf(x, y) == kind) weights.At(x, y) = halves_.weight.At(x, y);
-    });
-    const Planes means = BoxMeans(share, weights.view(), params_.blend_radius, pool);
-    ForEachPixel(pool, halves_.width(), halves_.height(), [&](int x, int y) {
-      if (KindOf(x, y) == kind) smooth.At(x, y) = means[0].At(x, y);
-    });
+template <size_t terms, typename Load, typename Use>
+void Choice::ForEachWindow(int radius, const Plane& marked, TaskPool* pool, const Load& load,
+                           const Use& use) const {
+  const Rect picture = {0, 0, marked.width(), marked.height()};
+  ForEachBand(pool, picture.y1, [&](int, int y0, int y1) {
+    WindowSums<terms> window(radius);
+    for (Rect block = {0, y0, 0, y1}; block.x0 < picture.x1; block.x0 = block.x1) {
+      block.x1 = std::min(block.x0 + window.kColumns, picture.x1);
+      for (size_t kind = 0; kind < kinds_; ++kind) {
+        const float of_kind = static_cast<float>(kind);
+        if (!IsMarked(marked, Inflate(block, radius, picture), of_kind)) continue;
+        window.Take(block, picture, [&](int y, int x0, int x1, const auto& rows) {
+          load(y, x0, x1, rows);
+          const float* kinds = kind_.Row(y) + x0;
+          for (float* __restrict row : rows) {
+            for (int i = 0; i < x1 - x0; ++i) row[i] = kinds[i] == of_kind ? row[i] : 0.0f;
+          }
+        });
+        for (int y = y0; y < y1; ++y) use(y, block.x0, block.x1, of_kind, window.Row(y));
+      }
+    }
+  });
+}
+
+bool Choice::IsMarked(const Plane& marked, const Rect& block, float kind) const {
+  bool is_any = false;
+  for (int y = block.y0; y < block.y1 && !is_any; ++y) {
+    const float* marks = marked.Row(y);
+    const float* kinds = kind_.Row(y);
+    for (int x = block.x0; x < block.x1; ++x) is_any |= kinds[x] == kind && marks[x] > 0;
   }
+  return is_any;
+}
+
+void Choice::RefineByPixels(const Planes& terms, TaskPool* pool, Plane* t) const {
+  const int radius = params_.narrow_radius;
+  const auto load = [&](int y, int x0, int x1, const auto& rows) {
+    const float* n = terms[0].Row(y) + x0;
+    const float* d = terms[1].Row(y) + x0;
+    std::copy_n(terms[2].Row(y) + x0, x1 - x0, rows[5]);
+    float* __restrict out[] = {rows[0], rows[1], rows[2], rows[3], rows[4]};
+    for (int i = 0; i < x1 - x0; ++i) {
+      out[0][i] = n[i];
+      out[1][i] = d[i];
+      out[2][i] = n[i] * n[i];
+      out[3][i] = n[i] * d[i];
+      out[4][i] = d[i] * d[i];
+    }
+  };
+  ForEachWindow<kTerms>(
+      radius, terms[1], pool, load, [&](int y, int x0, int x1, float kind, const auto& sums) {
+        const int in_column = CellsInWindow(y, radius, t->height());
+        const float* kinds = kind_.Row(y) + x0;
+        float* __restrict share = t->Row(y) + x0;
+        for (int i = 0; i < x1 - x0; ++i) {
+          const float cells = static_cast<float>(in_column * CellsInWindow(x0 + i, radius, t->width()));
+          MeanTerms mean;
+          for (size_t k = 0; k < kTerms; ++k) mean[k] = sums[k][i] / cells;
+          const float refined = Refined<true>(share[i], mean, cells, params_.significance);
+          share[i] = kinds[i] == kind ? refined : share[i];
+        }
+      });
+}
+
+Plane Choice::Smooth(const Plane& share, TaskPool* pool) const {
+  Plane smooth(share.width(), share.height());
+  const auto load = [&](int y, int x0, int x1, const auto& rows) {
+    const float* weight = halves_.weight.Row(y) + x0;
+    const float* t = share.Row(y) + x0;
+    float* __restrict out[] = {rows[0], rows[1]};
+    for (int i = 0; i < x1 - x0; ++i) {
+      out[0][i] = weight[i] * std::clamp(t[i], 0.0f, 1.0f);
+      out[1][i] = weight[i];
+    }
+  };
+  ForEachWindow<2>(params_.blend_radius, share, pool, load,
+                   [&](int y, int x0, int x1, float kind, const auto& sums) {
+                     const float* kinds = kind_.Row(y) + x0;
+                     float* __restrict out = smooth.Row(y) + x0;
+                     for (int i = 0; i < x1 - x0; ++i) {
+                       const float mean = sums[1][i] > 0 ? sums[0][i] / sums[1][i] : 0.0f;
+                       out[i] = kinds[i] == kind ? mean : out[i];
+                     }
+                   });
   return smooth;
 }
 
 Plane Choice::ShareOf(const Candidate& f, const Candidate& g, TaskPool* pool) const {
-  const Planes terms = AllTerms(f, g, pool);
-  Planes share = MakePlanes(1, halves_.width(), halves_.height());
-  Plane& t = share[0];
+  const Planes terms = TermsOf(f, g, pool);
+  Plane t(halves_.width(), halves_.height());
   const Planes cells = CellSums(terms, pool);
   for (const int radius : {params_.widest_radius, params_.wide_radius})
-    Refine(cells, kChoiceCell, radius / kChoiceCell, pool, &t);
-  Refine(terms, 1, params_.narrow_radius, pool, &t);
-  ForEachPixel(pool, t.width(), t.height(),
-               [&](int x, int y) { t.At(x, y) = std::clamp(t.At(x, y), 0.0f, 1.0f); });
-  return Smooth(share, pool);
+    RefineByCells(cells, radius / kChoiceCell, pool, &t);
+  RefineByPixels(terms, pool, &t);
+  return Smooth(t, pool);
 }
 
 Plane LightOf(const Halves& halves, const Candidate& picture, TaskPool* pool) {

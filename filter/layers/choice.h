@@ -71,15 +71,24 @@ class Choice {
   struct Terms;
 
   size_t KindOf(int x, int y) const { return static_cast<size_t>(kind_.At(x, y)); }
-  Terms TermsOfPixel(const Candidate& f, const Candidate& g, int x, int y) const;
   Terms TermsOfPoint(const Candidate& f, const Candidate& g, size_t point) const;
-  /// The terms of t at each pixel, those of each kind in planes of their own.
-  Planes AllTerms(const Candidate& f, const Candidate& g, TaskPool* pool) const;
-  /// Moves t towards that of a narrower window. `terms`: of cells of `cell` pixels; `radius` in cells.
-  void Refine(const Planes& terms, int cell, int radius, TaskPool* pool, Plane* t) const;
+  /// n, d and its relative variance of each pixel: 3 planes.
+  Planes TermsOf(const Candidate& f, const Candidate& g, TaskPool* pool) const;
+  /// Sums of all terms over the pixels of each cell, kind by kind.
+  Planes CellSums(const Planes& terms, TaskPool* pool) const;
 
-  /// Means over the pixels of one kind in a window.
-  Plane Smooth(const Planes& share, TaskPool* pool) const;
+  /// Moves t towards that of a narrower window: of a radius in cells, or the narrowest.
+  void RefineByCells(const Planes& cells, int radius, TaskPool* pool, Plane* t) const;
+  void RefineByPixels(const Planes& terms, TaskPool* pool, Plane* t) const;
+  /// Means of the shares, within [0, 1], over the pixels of one kind in a window.
+  Plane Smooth(const Plane& share, TaskPool* pool) const;
+
+  /// Sums terms over windows of the pixels of each kind, block by block where `marked` is above 0 for any.
+  /// load(y, x0, x1, rows): as of WindowSums; use(y, x0, x1, kind, sums): once for each row of a block.
+  template <size_t terms, typename Load, typename Use>
+  void ForEachWindow(int radius, const Plane& marked, TaskPool* pool, const Load& load, const Use& use) const;
+  /// Whether any pixel of this kind is marked.
+  bool IsMarked(const Plane& marked, const Rect& block, float kind) const;
 
   const Halves& halves_;
   const ChoiceParams params_;

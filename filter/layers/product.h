@@ -24,6 +24,7 @@ struct Product {
   };
 
   Kind kind = Kind::kDirect;
+  bool shares_surface = false;  // differs from the product before in mean and halves alone
   ConstColorView mean;    // W x H, as all views here
   ConstColorView factor;  // empty for the remainder
   HalvesView halves;

@@ -16,7 +16,6 @@ bool WeighRow(const Widening& widening, const WeighArgs& args, const SplitArgs* 
 bool SplatRow(const SplatArgs& args);
 void SliceRow(const Widening& widening, const SliceArgs& args);
 void AddProductRow(const float* a, const float* b, int count, float* sums);
-void SumRows(const float* a, const float* b, int count, float* out);
 void AddPairs(const float* from, int count, float scale, float* to);
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums);
 void StabiliseRow(const float* in, float inverse_knee, float shift, int count, float* out);

@@ -92,10 +92,6 @@ void AddProductRow(const float* a, const float* b, int count, float* sums) {
   for (int x = 0; x < count; ++x) sums[x] += a[x] * b[x];
 }
 
-void SumRows(const float* a, const float* b, int count, float* out) {
-  for (int x = 0; x < count; ++x) out[x] = a[x] + b[x];
-}
-
 void AddPairs(const float* from, int count, float scale, float* to) {
   for (int i = 0; i < count / 2; ++i) to[i] = scale * (from[2 * i] + from[2 * i + 1]);
 }

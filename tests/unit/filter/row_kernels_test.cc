@@ -156,8 +156,6 @@ TEST_F(RowKernels, PlainRowsEqualTheirOraclesAtAnyOffsetOnEachTarget) {
         };
         check([&](float* out) { AddProductRow(a.data() + offset, b.data(), count, out); },
               [&](float* out) { oracle::AddProductRow(a.data() + offset, b.data(), count, out); });
-        check([&](float* out) { SumRows(a.data() + offset, b.data(), count, out); },
-              [&](float* out) { oracle::SumRows(a.data() + offset, b.data(), count, out); });
         check([&](float* out) { QuotientRow(a.data() + offset, 0.2f, b.data(), count, out); },
               [&](float* out) { oracle::QuotientRow(a.data() + offset, 0.2f, b.data(), count, out); });
         check([&](float* out) { StabiliseRow(a.data() + offset, 7.5f, 0.25f, count, out); },

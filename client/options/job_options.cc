@@ -1,5 +1,4 @@
 #include "client/options/job_options.h"
-#include "proto/rpc/bounded_text.h"
 
 #include <algorithm>
 #include <array>
@@ -11,6 +10,8 @@
 #include "absl/strings/str_split.h"
 #include "absl/time/time.h"
 #include "filter/image/decisions.h"
+#include "proto/rpc/bounded_text.h"
+#include "proto/rpc/studio.h"
 
 namespace lumifold::client {
 namespace {
@@ -21,8 +22,17 @@ constexpr char kMse255[] = "mse255";
 constexpr char kRelMse[] = "relmse";
 constexpr int kMaxMb = 1 << 20;  // a coordinator takes no larger asset
 
+/// Values of --env that are no file; a file of that name has a folder before it ("./studio").
+constexpr char kNoEnvironment[] = "none";
+
+bool HasEnvironmentFile(const EnvironmentMapOptions& environment) {
+  return !environment.path.empty() && environment.path != rpc::kStudioUri &&
+         environment.path != kNoEnvironment;
+}
+
 /// URI of the environment map in the job; no file of a scene can have this scheme.
 std::string EnvironmentUri(const std::string& path) {
+  if (path == rpc::kStudioUri) return path;
   return kEnvironmentScheme + rpc::AsUtf8(std::filesystem::path(path).filename().string());
 }
 
@@ -150,7 +160,8 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
   command_line.AddPositiveNumber("--fps", &options->view.frames_per_second,
                                  "Frames per second: frame N shows the scene at N/X seconds (default 24)");
   command_line.AddText("--env", "FILE", &options->environment.path,
-                       "Environment light: a latitude-longitude picture, .exr or .hdr");
+                       "Environment light: a latitude-longitude picture, .exr or .hdr, 'studio' or 'none' "
+                       "(default: a neutral studio where the scene has no light)");
   command_line.AddNumber(
       "--env-rotate", &options->environment.rotate_degrees,
       "Rotation of it about the vertical in degrees, counter-clockwise from above (default 0)");
@@ -197,7 +208,7 @@ std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::st
                                     options.view.size.height));
   if ((options.lens.f_stop > 0) != (options.lens.focus_metres > 0))
     return report("--f-stop and --focus must be given together");
-  if (options.environment.path.empty() &&
+  if ((options.environment.path.empty() || options.environment.path == kNoEnvironment) &&
       (options.environment.rotate_degrees != 0 || options.environment.scale != 1))
     return report("--env-rotate and --env-scale require --env");
   if (options.planning.mode != "auto" && options.planning.mode != "full") {
@@ -217,7 +228,7 @@ absl::StatusOr<SceneAssets> FindJobAssets(const JobOptions& options) {
   };
   absl::StatusOr<SceneAssets> assets = FindSceneAssets(options.scene, rules);
   if (!assets.ok()) return assets;
-  if (!options.environment.path.empty()) {
+  if (HasEnvironmentFile(options.environment)) {
     LocalAsset asset;
     asset.path = options.environment.path;
     asset.ref.set_uri(EnvironmentUri(options.environment.path));
@@ -260,7 +271,8 @@ v1::JobSpec MakeJobSpec(const JobOptions& options) {
   spec.mutable_planning()->set_mode(options.planning.mode == "full" ? v1::PLAN_MODE_FULL
                                                                     : v1::PLAN_MODE_AUTO);
   for (const std::string& forced : options.planning.forced) spec.mutable_planning()->add_forced(forced);
-  if (!options.environment.path.empty()) {
+  spec.set_keep_dark(options.environment.path == kNoEnvironment);
+  if (!options.environment.path.empty() && options.environment.path != kNoEnvironment) {
     spec.mutable_environment()->set_uri(EnvironmentUri(options.environment.path));
     spec.mutable_environment()->set_rotate_degrees(options.environment.rotate_degrees);
     spec.mutable_environment()->set_scale(options.environment.scale);

@@ -1,5 +1,4 @@
 #include "client/reports/access_report.h"
-#include "proto/rpc/bounded_text.h"
 
 #include <nlohmann/json.hpp>
 #include <vector>
@@ -11,6 +10,7 @@
 #include "absl/time/time.h"
 
 #include "client/cli/json_line.h"
+#include "proto/rpc/bounded_text.h"
 
 namespace lumifold::client {
 namespace {

@@ -1,5 +1,4 @@
 #include "client/reports/farm_report.h"
-#include "proto/rpc/bounded_text.h"
 
 #include <nlohmann/json.hpp>
 
@@ -10,6 +9,7 @@
 #include "client/cli/json_line.h"
 #include "client/reports/job_report.h"
 #include "client/reports/plan_report.h"
+#include "proto/rpc/bounded_text.h"
 
 namespace lumifold::client {
 namespace {

@@ -1,5 +1,4 @@
 #include "client/reports/job_report.h"
-#include "proto/rpc/bounded_text.h"
 
 #include <algorithm>
 #include <array>
@@ -11,6 +10,7 @@
 #include "absl/time/time.h"
 #include "client/cli/json_line.h"
 #include "client/cli/suggestion.h"
+#include "proto/rpc/bounded_text.h"
 
 namespace lumifold::client {
 namespace {

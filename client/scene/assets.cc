@@ -1,5 +1,4 @@
 #include "client/scene/assets.h"
-#include "proto/rpc/bounded_text.h"
 
 #include <sys/stat.h>
 #include <unistd.h>
@@ -17,6 +16,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "filter/image/file_calls.h"
+#include "proto/rpc/bounded_text.h"
 #include "proto/rpc/sha256.h"
 
 namespace lumifold::client {

@@ -71,6 +71,7 @@ void Describe(const ResultInfo& info, LayeredImage* result) {
   metadata["lumifold.camera"] = spec.camera();
   if (!spec.animation().empty()) metadata["lumifold.animation"] = spec.animation();
   if (!spec.variant().empty()) metadata["lumifold.variant"] = spec.variant();
+  if (!info.facts.environment().empty()) metadata["lumifold.environment"] = info.facts.environment();
   metadata["lumifold.frame"] = absl::StrCat(info.frame);
   metadata["lumifold.size"] = absl::StrCat(spec.width(), "x", spec.height());
   if (spec.has_pixel_filter()) metadata["lumifold.pixel_filter"] = PixelFilterText(spec.pixel_filter());

@@ -14,6 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "filter/image/decisions.h"
 #include "filter/image/tile_samples.h"
+#include "proto/rpc/studio.h"
 #include "server/job/frame_list.h"
 #include "server/job/limits.h"
 #include "server/job/plan.h"
@@ -88,9 +89,10 @@ absl::Status CheckPositive(const char* field, double value) {
 absl::Status CheckEnvironment(const v1::JobSpec& spec) {
   if (!spec.has_environment()) return absl::OkStatus();
   const v1::EnvironmentMap& environment = spec.environment();
+  const bool is_file = environment.uri() != rpc::kStudioUri;
   const auto& files = spec.scene().dependencies();
-  if (std::none_of(files.begin(), files.end(),
-                   [&](const v1::AssetRef& asset) { return asset.uri() == environment.uri(); })) {
+  if (is_file && std::none_of(files.begin(), files.end(),
+                              [&](const v1::AssetRef& asset) { return asset.uri() == environment.uri(); })) {
     return absl::InvalidArgumentError(
         absl::StrCat("environment.uri '", environment.uri(), "' is not among the scene's dependencies"));
   }

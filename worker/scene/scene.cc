@@ -63,16 +63,20 @@ class Extent {
   bool is_empty_ = true;
 };
 
-/// Sees the whole scene from the front and a little above, as large as a frame of this aspect ratio allows.
+/// Sees the whole scene from the front, half to the right, and a little above, as photographers show products;
+/// as large as a frame of this aspect ratio allows, with a margin.
 Camera FittedCamera(const Scene& scene, float aspect) {
-  constexpr float kElevation = 0.25f;  // radians above the horizon
-  constexpr float kMargin = 1.05f;
+  constexpr float kAzimuth = 0.55f;   // radians from the front towards the right
+  constexpr float kElevation = 0.3f;  // radians above the horizon
+  constexpr float kMargin = 1.15f;
   Camera camera;
   camera.name = "fitted";
   float sine = 0, cosine = 1;
   SinCos(kElevation, &sine, &cosine);
-  const Vec3 right = {1, 0, 0};
-  const Vec3 backward = {0, sine, cosine};
+  float sin_turn = 0, cos_turn = 1;
+  SinCos(kAzimuth, &sin_turn, &cos_turn);
+  const Vec3 right = {cos_turn, 0, -sin_turn};
+  const Vec3 backward = {sin_turn * cosine, sine, cos_turn * cosine};
   const Vec3 up = Cross(backward, right);
   float sin_half_fov = 0, cos_half_fov = 1;
   SinCos(camera.yfov / 2, &sin_half_fov, &cos_half_fov);

@@ -197,7 +197,7 @@ struct Bounds {
 Bounds WorldBounds(const Scene& scene);
 
 /// The camera of this name or number; the first one if `name` is empty. A scene without cameras gets a camera
-/// that views all of it from the front and slightly above, as large as a frame of this aspect ratio (width over
+/// that views all of it from three quarters and slightly above, as large as a frame of this aspect ratio (width over
 /// height) allows. Error: kNotFound, naming the cameras that exist.
 absl::StatusOr<Camera> FindCamera(const Scene& scene, const std::string& name, float aspect);
 

@@ -7,6 +7,8 @@
 #include "absl/strings/strip.h"
 #include "filter/image/picture_io.h"
 #include "proto/rpc/sha256.h"
+#include "proto/rpc/studio.h"
+#include "worker/render/lights/studio.h"
 #include "worker/scene/images/decode_image.h"
 
 namespace lumifold::worker {
@@ -61,13 +63,18 @@ absl::StatusOr<SharedEnvironment> DecodedCache::Environment(
     const v1::EnvironmentMap& environment, const std::string& sha256,
     const std::function<absl::StatusOr<std::string>(const std::string& uri)>& read) {
   const auto decode = [&]() -> absl::StatusOr<SharedEnvironment> {
+    if (environment.uri() == rpc::kStudioUri) {
+      return render::Environment::Create(render::StudioPicture(), environment.rotate_degrees(),
+                                         environment.scale());
+    }
     const absl::StatusOr<std::string> file = read(environment.uri());
     if (!file.ok()) return file.status();
     return DecodeEnvironment(environment, *file);
   };
   // The numbers exactly: two that print alike would give one another's sky.
   const std::string key =
-      absl::StrFormat("%s %a %a", sha256, environment.rotate_degrees(), environment.scale());
+      absl::StrFormat("%s %a %a", environment.uri() == rpc::kStudioUri ? environment.uri() : sha256,
+                      environment.rotate_degrees(), environment.scale());
   return environments_.Get(key, decode, [](const render::Environment& sky) { return sky.bytes(); });
 }
 

@@ -1,11 +1,13 @@
 #include "worker/units/job_scene.h"
 
+#include <algorithm>
 #include <map>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "worker/render/lights/studio.h"
 #include "worker/scene/gltf_loader.h"
 
 namespace lumifold::worker {
@@ -29,6 +31,21 @@ render::PixelFilter PixelFilterOf(const v1::PixelFilter& filter) {
     default:
       return {Kind::kBox, filter.width()};
   }
+}
+
+/// Whether anything can be seen without another light.
+bool HasLight(const scene::Scene& scene) {
+  const auto shines = [&](const scene::Instance& instance) {
+    const int number = scene.meshes[instance.mesh].material;
+    if (number == scene::kNone) return false;
+    const scene::Material& material = scene.materials[number];
+    return material.unlit || material.emission.radiance != scene::Vec3{0, 0, 0};
+  };
+  const auto is_lit = [](const scene::PunctualLight& light) {
+    return light.intensity > 0 && light.color != scene::Vec3{0, 0, 0};
+  };
+  return std::any_of(scene.lights.begin(), scene.lights.end(), is_lit) ||
+         std::any_of(scene.instances.begin(), scene.instances.end(), shines);
 }
 
 /// Makes the mip levels of all textures side by side, and returns where the renderer finds them.
@@ -100,7 +117,9 @@ absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchA
   if (!scene.ok()) return scene.status();
   file->clear();
   file->shrink_to_fit();
-  JobScene job = {std::make_shared<scene::Scene>(*std::move(scene)), SettingsOf(spec)};
+  JobScene job;
+  job.scene = std::make_shared<scene::Scene>(*std::move(scene));
+  job.settings = SettingsOf(spec);
   job.settings.mips = MakeAllMips(*job.scene, decoded, pool);
   if (spec.has_environment()) {
     const auto sky_file = dependencies.find(spec.environment().uri());
@@ -108,6 +127,9 @@ absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchA
         spec.environment(), sky_file == dependencies.end() ? "" : sky_file->second.sha256(), read);
     if (!sky.ok()) return sky.status();
     job.settings.environment = *std::move(sky);
+  } else if (!spec.keep_dark() && !HasLight(*job.scene)) {
+    job.settings.environment = render::StudioEnvironment();
+    job.in_studio = true;
   }
   return job;
 }

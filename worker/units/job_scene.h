@@ -23,10 +23,11 @@ using FetchAsset = absl::FunctionRef<absl::StatusOr<std::string>(const v1::Asset
 /// A job's scene in one frame, and what the job asks of the renderer.
 struct JobScene {
   std::shared_ptr<const scene::Scene> scene;
-  render::RenderSettings settings;  // refers to the DecodedCache
+  render::RenderSettings settings;
+  bool in_studio = false;  // the scene has no light: settings.environment is render::StudioEnvironment()
 };
 
-/// Loads the scene and the environment of a job; `pool` decodes textures and makes their mip levels.
+/// Loads the scene and the environment of a job, or lights the scene by a studio; `pool` decodes textures and makes their mip levels.
 /// `progress` grows by one for each file.
 /// Errors: those of `fetch`, scene::LoadGltf and render::Environment::Create; kNotFound for a file that is
 /// not among the job's.

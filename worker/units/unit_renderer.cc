@@ -12,6 +12,7 @@
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/rect_codec.h"
+#include "proto/rpc/studio.h"
 #include "worker/units/job_plan.h"
 
 namespace lumifold::worker {
@@ -66,6 +67,11 @@ v1::CameraMatrices MatricesOf(const render::PictureCamera& camera) {
   matrices.mutable_world_to_camera()->Add(to_camera.begin(), to_camera.end());
   matrices.mutable_world_to_ndc()->Add(to_ndc.begin(), to_ndc.end());
   return matrices;
+}
+
+void DescribeStudio(v1::UnitStats* stats) {
+  stats->set_environment(rpc::kStudioUri);
+  stats->add_warnings("the scene has no light: a neutral studio lights it (--env none: it stays black)");
 }
 
 /// What the object numbers of the geometry unit stand for; or a warning.
@@ -145,11 +151,12 @@ absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& 
   absl::StatusOr<JobScene> job = LoadScene(spec, unit, progress);
   if (!job.ok()) return job.status();
   const bool animated = job->scene->animated;
+  const bool in_studio = job->in_studio;
   ApplyPlan(spec, &job->settings);
   absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
       render::Renderer::Create(std::move(job->scene), job->settings);
   if (!renderer.ok()) return NamingScene(renderer.status(), spec);
-  return LoadedScene{*std::move(renderer), animated};
+  return LoadedScene{*std::move(renderer), animated, in_studio};
 }
 
 absl::StatusOr<RenderedUnit> UnitRenderer::Plan(const v1::JobSpec& spec, const v1::UnitId& unit,
@@ -190,8 +197,9 @@ std::shared_ptr<UnitRenderer::Entry> UnitRenderer::AddEntry(const v1::UnitId& un
   return entry;
 }
 
-absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf(
-    const v1::JobSpec& spec, const v1::UnitId& unit, std::atomic<int64_t>* progress) {
+absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::SceneOf(const v1::JobSpec& spec,
+                                                                const v1::UnitId& unit,
+                                                                std::atomic<int64_t>* progress) {
   std::shared_ptr<Entry> entry;
   {
     absl::MutexLock lock(&mutex_);
@@ -202,7 +210,7 @@ absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf
       if (!entry->failure.ok()) return entry->failure;
       if (entry->frame != unit.frame() && entry->loaded.animated) continue;
       if (std::erase(entries_, entry) > 0) entries_.push_back(entry);  // now the most recently used
-      return entry->loaded.renderer;
+      return entry->loaded;
     }
     entry = AddEntry(unit);
   }
@@ -218,17 +226,16 @@ absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf
     std::erase(entries_, entry);  // the next unit tries again: the error may be transient
   }
   entry->ready = true;
-  if (!loaded.ok()) return loaded.status();
-  return loaded->renderer;
+  return loaded;
 }
 
 absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const v1::Lease& lease,
                                                   UnitControl* control) {
   if (absl::Status status = CheckLease(spec, lease); !status.ok()) return status;
   if (lease.unit().kind() == v1::UNIT_KIND_PLAN) return Plan(spec, lease.unit(), control);
-  absl::StatusOr<std::shared_ptr<const render::Renderer>> renderer =
-      RendererOf(spec, lease.unit(), &control->progress);
-  if (!renderer.ok()) return renderer.status();
+  const absl::StatusOr<LoadedScene> loaded = SceneOf(spec, lease.unit(), &control->progress);
+  if (!loaded.ok()) return loaded.status();
+  const render::Renderer& renderer = *loaded->renderer;
   const absl::Time start = rpc::MonotonicNow();
   RenderedUnit unit;
   render::RenderCounts counts;
@@ -236,14 +243,15 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
   counts.stop = &control->stop;
   const Rect rect = rpc::RectOf(lease.rect());
   if (lease.unit().kind() == v1::UNIT_KIND_GEOMETRY) {
-    unit.image = (*renderer)->RenderGeometry(rect, lease.unit().frame(), &control->stop);
+    unit.image = renderer.RenderGeometry(rect, lease.unit().frame(), &control->stop);
     for (std::string& warning :
-         rpc::BoundedLines((*renderer)->warnings(), rpc::kMaxUnitWarnings, rpc::kMaxWarningBytes))
+         rpc::BoundedLines(renderer.warnings(), rpc::kMaxUnitWarnings, rpc::kMaxWarningBytes))
       unit.stats.add_warnings(std::move(warning));
-    *unit.stats.mutable_camera() = MatricesOf((*renderer)->camera());
-    if (spec.cryptomatte() && lease.unit().tile() == 0) AddObjects((*renderer)->scene(), &unit.stats);
+    *unit.stats.mutable_camera() = MatricesOf(renderer.camera());
+    if (loaded->in_studio) DescribeStudio(&unit.stats);
+    if (spec.cryptomatte() && lease.unit().tile() == 0) AddObjects(renderer.scene(), &unit.stats);
   } else {
-    unit.image = (*renderer)->RenderPass(rect, lease.unit().frame(), SamplesOf(lease, rect), &counts);
+    unit.image = renderer.RenderPass(rect, lease.unit().frame(), SamplesOf(lease, rect), &counts);
   }
   if (control->stop) return absl::CancelledError("the unit is no longer wanted");
   if (static_cast<double>(counts.bad_samples) > kMaxBadShare * static_cast<double>(counts.samples)) {

@@ -69,10 +69,11 @@ class UnitRenderer {
   void ForgetJob(const std::string& job_id);
 
  private:
-  /// The renderer of a job's units.
+  /// The scene of a job's units.
   struct LoadedScene {
     std::shared_ptr<const render::Renderer> renderer;
     bool animated = false;  // valid for one frame only
+    bool in_studio = false;
   };
 
   /// The scene of a job's frame, or the error of loading it. `ready` is set once, by the thread that created
@@ -85,9 +86,8 @@ class UnitRenderer {
     LoadedScene loaded;
   };
 
-  absl::StatusOr<std::shared_ptr<const render::Renderer>> RendererOf(const v1::JobSpec& spec,
-                                                                     const v1::UnitId& unit,
-                                                                     std::atomic<int64_t>* progress);
+  absl::StatusOr<LoadedScene> SceneOf(const v1::JobSpec& spec, const v1::UnitId& unit,
+                                      std::atomic<int64_t>* progress);
   /// An entry whose scene fits the unit, or may fit once it is ready; null if a new one is needed.
   std::shared_ptr<Entry> FindEntry(const v1::UnitId& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   std::shared_ptr<Entry> AddEntry(const v1::UnitId& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

@@ -88,6 +88,30 @@ TEST(UnitRenderer, AFrameShowsTheSceneAtItsTime) {
   EXPECT_EQ(Coverage(renderer, SpecAt(4), 400), 0);  // the position of the last keyframe
 }
 
+TEST(UnitRenderer, AStudioLightsWhatHasNoLight) {
+  scene::GltfFixture fixture;
+  fixture.AddTriangles(scene::kTriangle);
+  FakeAssets assets{fixture.Glb()};
+  v1::JobSpec spec = SpecAt(4);
+  v1::Lease lease = LeaseOf(0);
+  lease.mutable_unit()->set_kind(v1::UNIT_KIND_GEOMETRY);
+  lease.set_last_sample(0);
+  UnitControl control;
+  for (const bool keep_dark : {false, true}) {
+    spec.set_keep_dark(keep_dark);
+    UnitRenderer renderer(&assets, 2);
+    const absl::StatusOr<RenderedUnit> geometry = renderer.Render(spec, lease, &control);
+    ASSERT_TRUE(geometry.ok()) << geometry.status();
+    EXPECT_EQ(geometry->stats.environment(), keep_dark ? "" : "studio");
+    EXPECT_THAT(geometry->stats.warnings(),
+                testing::Contains(testing::HasSubstr(keep_dark ? "the picture is black" : "a neutral studio")));
+    const absl::StatusOr<RenderedUnit> pass = renderer.Render(spec, LeaseOf(0), &control);
+    ASSERT_TRUE(pass.ok()) << pass.status();
+    const ConstFloatView red = std::as_const(pass->image.pixels).GetColor(layers::kEmission)[0];
+    EXPECT_EQ(red.At(0, 0) > 0, !keep_dark) << "the studio is behind the triangle, too";
+  }
+}
+
 TEST(UnitRenderer, FramesOfAnAnimationShareTheEnvironment) {
   // A Radiance file of one pixel, (1, 1, 1).
   FakeAssets assets{ShiningSquare(true), "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n\x80\x80\x80\x81"};

@@ -1,11 +1,13 @@
 #include "worker/units/unit_renderer.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <atomic>
 #include <cstdint>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -103,8 +105,9 @@ TEST(UnitRenderer, AStudioLightsWhatHasNoLight) {
     const absl::StatusOr<RenderedUnit> geometry = renderer.Render(spec, lease, &control);
     ASSERT_TRUE(geometry.ok()) << geometry.status();
     EXPECT_EQ(geometry->stats.environment(), keep_dark ? "" : "studio");
-    EXPECT_THAT(geometry->stats.warnings(),
-                testing::Contains(testing::HasSubstr(keep_dark ? "the picture is black" : "a neutral studio")));
+    EXPECT_THAT(
+        geometry->stats.warnings(),
+        testing::Contains(testing::HasSubstr(keep_dark ? "the picture is black" : "a neutral studio")));
     const absl::StatusOr<RenderedUnit> pass = renderer.Render(spec, LeaseOf(0), &control);
     ASSERT_TRUE(pass.ok()) << pass.status();
     const ConstFloatView red = std::as_const(pass->image.pixels).GetColor(layers::kEmission)[0];

@@ -5,7 +5,7 @@ import {JobEntry, fillList, make, problemsOf, serverFacts, workerItem} from "/fa
 import {Strip, framesOf} from "/frames.js";
 import {actionsOf, ask, explain, fillLayers, followPreview, showFacts, showLog} from "/job.js";
 import {Viewer} from "/viewer.js";
-import {TimeLeft, progressOf, stateOf} from "/words.js";
+import {TimeLeft, isDone, progressOf, stateOf} from "/words.js";
 
 const $ = (id) => document.getElementById(id);
 const state = {
@@ -172,7 +172,7 @@ function expose(value) {
   viewer.draw();
 }
 
-const isOver = (job) => ["done", "failed"].includes(stateOf(job));
+const isOver = (job) => isDone(job) || stateOf(job) === "failed";
 
 /** The picture of a job that runs again is followed again. */
 function takeJob(job) {

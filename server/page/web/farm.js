@@ -44,7 +44,7 @@ export class JobEntry {
     const percent = Math.floor(100 * progressOf(job));
     this.name.textContent = this.name.title = nameOf(job);
     this.state.textContent = state === "running" ? `${percent} %` : state;
-    this.state.className = `state ${state}`;
+    this.state.className = `state ${state.split(" ")[0]}`;
     this.bar.style.width = `${percent}%`;
     const parts = [job.scheduling?.user || "anonymous", job.job_id];
     if (state === "running" && left !== null) parts.unshift(`${duration(left)} left`);

@@ -90,6 +90,7 @@ class NoEffects final : public FarmEffects {
   void CancelFinishing(const JobId&) override {}
   void DiscardUnits(const FrameKey&, const std::vector<job::UnitKey>&) override {}
   void RecordBlock(const std::string&, const std::string&) override {}
+  void SkipFrame(const FrameKey&, const std::string&) override {}
   void KeepPrerequisites(const std::set<JobId>&) override {}
   void WakeHousekeeping() override {}
   void WakeFinisher() override {}

@@ -75,13 +75,13 @@ function showFarm() {
 
 function workerActions(worker) {
   const id = worker.worker_id || worker.name;
-  const button = (text, method, question) => {
+  const button = (text, method, question, fields = {}) => {
     const element = make("button", {type: "button", text});
-    element.addEventListener("click", () => act(method, {worker: id}, question));
+    element.addEventListener("click", () => act(method, {worker: id, ...fields}, question));
     return element;
   };
-  if (["WORKER_STATE_IDLE", "WORKER_STATE_BUSY"].includes(worker.state))
-    return [button("Drain", "DrainWorker", "Let the worker finish its units and leave?"),
+  if (["WORKER_STATE_IDLE", "WORKER_STATE_BUSY", "WORKER_STATE_RESTING"].includes(worker.state))
+    return [button("Stop", "DrainWorker", "Let the worker finish its units and end?", {finish_units: true}),
       button("Block", "BlockWorker", "Give the worker no more units?")];
   return [button("Readmit", "ReadmitWorker")];
 }

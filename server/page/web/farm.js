@@ -18,7 +18,7 @@ export function fillList(list, items) {
 const WORKER_STATES = {
   WORKER_STATE_IDLE: "idle", WORKER_STATE_BUSY: "busy", WORKER_STATE_DRAINING: "draining",
   WORKER_STATE_SILENT: "silent",
-  WORKER_STATE_SET_ASIDE: "set aside", WORKER_STATE_BLOCKED: "blocked",
+  WORKER_STATE_SET_ASIDE: "set aside", WORKER_STATE_BLOCKED: "blocked", WORKER_STATE_RESTING: "resting",
 };
 
 export function nameOf(job) {

@@ -346,6 +346,27 @@ TEST_F(SchedulerTest, ASkippedFrameIsNeitherLeasedNorCounted) {
   EXPECT_EQ(scheduler_.jobs().Progress(kJob).state, v1::JOB_STATE_DONE);
 }
 
+TEST_F(SchedulerTest, AWorkerThatRestsGetsNoLeasesAndKeepsThoseItHas) {
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(WorkerId(1), {.name = "ann", .numeric_class = "avx2", .slots = 2});
+  EXPECT_THAT(scheduler_.GrantLeases(WorkerId(1), kStart), SizeIs(2));
+  scheduler_.workers().Rest(WorkerId(1), "off hours until 19:00");
+  const WorkerInfo info = *scheduler_.workers().Describe(WorkerId(1));
+  EXPECT_EQ(info.state, v1::WORKER_STATE_RESTING);
+  EXPECT_EQ(info.reason, "off hours until 19:00");
+  EXPECT_EQ(info.leases, 2);
+  scheduler_.workers().Add(WorkerId(2), {.name = "ben", .numeric_class = "avx2", .slots = 2});
+  scheduler_.workers().Drain(WorkerId(2));
+  EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
+  const std::vector<Reason> reasons = scheduler_.Explain(kJob, kStart);
+  ASSERT_FALSE(reasons.empty());
+  EXPECT_EQ(reasons[0].code, "worker_unavailable");
+  EXPECT_THAT(reasons[0].text, testing::HasSubstr(": ann off hours until 19:00"));
+  scheduler_.workers().Drain(WorkerId(1));
+  scheduler_.workers().Rest(WorkerId(1), "");
+  EXPECT_EQ(scheduler_.workers().Describe(WorkerId(1))->state, v1::WORKER_STATE_DRAINING);
+}
+
 TEST_F(SchedulerTest, NoMoreFramesAreActiveThanTheirLimit) {
   scheduler_.frames().SetMaxActive(2);
   scheduler_.jobs().Add(kJob, Spec(/*frames=*/4));

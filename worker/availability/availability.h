@@ -15,12 +15,12 @@ struct AvailabilityOptions {
   /// nullopt: at all hours.
   std::optional<WorkingHours> hours = std::nullopt;
   absl::TimeZone zone = absl::UTCTimeZone();
-  std::function<absl::Time()> wall_now;
+  std::function<absl::Time()> wall_now = nullptr;
   /// Cores that others may keep busy; nullopt: all of them.
   std::optional<double> max_load = std::nullopt;
   /// Processor times, where there is a limit; nullopt where they cannot be read.
   std::function<std::optional<CpuTimes>()> cpu = nullptr;
-  std::function<absl::Time()> now;
+  std::function<absl::Time()> now = nullptr;
 };
 
 /// Whether a worker may render now.

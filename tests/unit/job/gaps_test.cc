@@ -22,15 +22,15 @@ TEST(Gaps, AreFramesAsRanges) {
   EXPECT_THAT(SkippedFrames(gaps), ElementsAre(-2, 17, 20, 21, 22));
   EXPECT_EQ(CountSkipped(gaps), 5);
   EXPECT_EQ(TextOf(gaps), "-2,17,20-22");
-  for (const int32_t frame : {-2, 17, 20, 22}) EXPECT_TRUE(IsSkipped(gaps, frame)) << frame;
+  for (const int32_t frame : {-2, 17, 20, 22}) EXPECT_TRUE(job::IsSkipped(gaps, frame)) << frame;
   for (const int32_t frame : {-3, -1, 0, 16, 18, 19, 23, INT32_MAX, INT32_MIN})
-    EXPECT_FALSE(IsSkipped(gaps, frame)) << frame;
+    EXPECT_FALSE(job::IsSkipped(gaps, frame)) << frame;
 }
 
 TEST(Gaps, MayBeNone) {
   EXPECT_THAT(SkippedFrames({}), IsEmpty());
   EXPECT_EQ(TextOf({}), "");
-  EXPECT_FALSE(IsSkipped({}, 0));
+  EXPECT_FALSE(job::IsSkipped({}, 0));
 }
 
 TEST(Gaps, OfADamagedRowAreBounded) {

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <functional>
 #include <iostream>
 #include <limits>
 #include <memory>
@@ -19,6 +20,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
 #include "proto/identity/certificate.h"
 #include "proto/identity/join.h"
 #include "proto/identity/profile.h"
@@ -37,6 +39,7 @@
 #include "proto/threads/event.h"
 #include "server/picture/make_picture.h"
 #include "spdlog/spdlog.h"
+#include "worker/availability/availability.h"
 #include "worker/cache/asset_folder.h"
 #include "worker/connection/certificate_renewal.h"
 #include "worker/connection/connection.h"
@@ -116,6 +119,8 @@ struct Flags {
   int niceness = 10;
   std::vector<std::string> tags;
   double drain_seconds = 30;
+  std::optional<lumifold::worker::WorkingHours> hours;
+  std::optional<double> only_idle;
   double exit_when_idle_seconds = std::numeric_limits<double>::infinity();
   SandboxFlags sandbox;
   AssetCacheFlags asset_cache;
@@ -146,10 +151,28 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--name", flags->name, "Name in the coordinator's log (default: HOST:PID)");
   app->add_option("--tags", flags->tags, "What the machine has or may be used for: gpu,night")
       ->delimiter(',');
-  app->add_option("--drain-seconds", flags->drain_seconds,
-                  "After SIGINT or SIGTERM: time to finish the units being rendered")
+  app->add_option(
+         "--drain-seconds", flags->drain_seconds,
+         "After SIGINT or SIGTERM, and at the end of --hours: time to finish the units being rendered")
       ->check(CLI::Range(0.0, 86400.0))
       ->capture_default_str();
+  CLI::callback_t read_hours = [flags](const CLI::results_t& texts) {
+    const auto hours = lumifold::worker::WorkingHours::Parse(texts.back());
+    if (!hours.ok()) throw CLI::ValidationError("--hours", std::string(hours.status().message()));
+    flags->hours = *hours;
+    return true;
+  };
+  app->add_option("--hours", std::move(read_hours),
+                  "When it takes units, by local time: 19:00-07:00, or 'Mon-Fri 19:00-07:00,Sat-Sun "
+                  "00:00-24:00' (default: "
+                  "always)")
+      ->type_name("HOURS")
+      ->allow_extra_args(false);
+  app->add_option(
+         "--only-idle", flags->only_idle,
+         "Take units only while other programs keep less than this number of cores busy: 0.5 (default: "
+         "always)")
+      ->check(CLI::Range(0.01, 4096.0));
   app->add_option("--exit-when-idle", flags->exit_when_idle_seconds,
                   "Seconds without a unit after which the worker ends (default: never)")
       ->check(CLI::Range(0.0, 1e9));
@@ -319,6 +342,25 @@ absl::StatusOr<sandbox::SandboxReport> EnterSandbox(const Flags& flags, const Ta
   return sandbox::EnterSandbox(options);
 }
 
+/// Whether the worker may render, by --hours and --only-idle; null: always. Before the sandbox, in which neither the time
+/// zone nor the load of the machine can be read.
+absl::StatusOr<std::unique_ptr<lumifold::worker::Availability>> MakeAvailability(const Flags& flags) {
+  if (!flags.hours.has_value() && !flags.only_idle.has_value()) return nullptr;
+  lumifold::worker::AvailabilityOptions options = {.hours = flags.hours,
+                                                   .zone = absl::LocalTimeZone(),
+                                                   .wall_now = absl::Now,
+                                                   .max_load = flags.only_idle,
+                                                   .now = lumifold::rpc::MonotonicNow};
+  if (flags.only_idle.has_value()) {
+    absl::StatusOr<std::unique_ptr<lumifold::worker::CpuClock>> clock = lumifold::worker::CpuClock::Open();
+    if (!clock.ok()) return clock.status();
+    options.cpu = [cpu = std::shared_ptr<lumifold::worker::CpuClock>(*std::move(clock))] {
+      return cpu->Read();
+    };
+  }
+  return std::make_unique<lumifold::worker::Availability>(std::move(options));
+}
+
 absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const std::string& address,
                                                        const lumifold::rpc::Security& security) {
   if (absl::Status status = lumifold::rpc::CheckServerAddress(address, security); !status.ok()) return status;
@@ -358,6 +400,8 @@ int RunWorkerProcess(const Flags& flags) {
   const absl::Status has_cache = PrepareAssetCache(flags, *target);
   const auto metrics = ListenForMetrics(flags);
   if (!metrics.ok()) return Fail(metrics.status());
+  const auto availability = MakeAvailability(flags);
+  if (!availability.ok()) return Fail(availability.status());
   lumifold::service::ServiceManager manager;  // before the sandbox, which lets no program open its socket
   const absl::StatusOr<sandbox::SandboxReport> sandboxed = EnterSandbox(flags, *target);
   if (!sandboxed.ok()) return Fail(sandboxed.status());
@@ -390,6 +434,9 @@ int RunWorkerProcess(const Flags& flags) {
       .asset_folder_bytes = flags.asset_cache.gb << 30,
       .leave = &leave,
       .drain = absl::Seconds(flags.drain_seconds),
+      .rest_reason = *availability == nullptr ? nullptr : std::function<std::string()>([&availability] {
+        return (*availability)->RestReason();
+      }),
       .check_identity = [&renewal] { return renewal.CheckNotExpired(); },
       .exit_when_idle = absl::Seconds(flags.exit_when_idle_seconds),
       .alive = [&manager] { manager.Alive(); },

@@ -12,6 +12,7 @@ enum class ExitCode : int {
   kUnreachable = 3,  // the coordinator does not answer
   kNotFound = 4,     // no such job, frame, worker or file
   kCancelled = 5,    // the job was cancelled
+  kGaps = 6,         // frames of the job are skipped
   kInterrupted = 130,
 };
 
@@ -19,7 +20,7 @@ enum class ExitCode : int {
 inline constexpr char kExitCodesHelp[] =
     "Exit codes: 0 ok, 1 failed, 2 wrong command line, 3 coordinator not reachable, 4 no such job, frame, "
     "worker\n"
-    "or file, 5 job cancelled, 130 interrupted.";
+    "or file, 5 job cancelled, 6 done with gaps, 130 interrupted.";
 
 /// The exit code of an error. kCancelled means that the user interrupted the program; a cancelled job is a
 /// state, not an error.

@@ -8,6 +8,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
 
@@ -37,6 +38,27 @@ bool ParseRange(absl::string_view text, FrameRange* range, int* step) {
 }
 
 }  // namespace
+
+std::string TextOf(const std::vector<FrameRange>& ranges) {
+  return absl::StrJoin(ranges, ",", [](std::string* text, const FrameRange& range) {
+    absl::StrAppend(text, range.first);
+    if (range.last > range.first) absl::StrAppend(text, "-", range.last);
+  });
+}
+
+bool HasFrame(const std::vector<FrameRange>& ranges, int frame) {
+  return std::any_of(ranges.begin(), ranges.end(), [frame](const FrameRange& range) {
+    return frame >= range.first && frame <= range.last;
+  });
+}
+
+void AddFrame(int frame, std::vector<FrameRange>* ranges) {
+  if (ranges->empty() || ranges->back().last + 1 != frame) {
+    ranges->push_back({frame, frame});
+  } else {
+    ranges->back().last = frame;
+  }
+}
 
 absl::StatusOr<Frames> ParseFrames(absl::string_view text) {
   Frames frames{.ranges = {}};

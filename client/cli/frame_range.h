@@ -17,6 +17,12 @@ struct FrameRange {
   friend bool operator==(const FrameRange&, const FrameRange&) = default;
 };
 
+/// "7", "1-48" or "1-48,60,70-72"; ParseFrames reads it.
+std::string TextOf(const std::vector<FrameRange>& ranges);
+bool HasFrame(const std::vector<FrameRange>& ranges, int frame);
+/// Adds a frame after the last one.
+void AddFrame(int frame, std::vector<FrameRange>* ranges);
+
 /// Frames of a job: at least one range, in ascending order, which do not overlap.
 struct Frames {
   std::vector<FrameRange> ranges{{}};

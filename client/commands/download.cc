@@ -5,7 +5,7 @@
 #include "client/commands/commands.h"
 #include "client/commands/picture_options.h"
 #include "client/commands/shared_options.h"
-#include "client/pictures/output_template.h"
+#include "client/reports/job_report.h"
 #include "proto/rpc/trace_context.h"
 
 namespace lumifold::client {
@@ -41,21 +41,25 @@ ExitCode RunDownload(const std::vector<std::string>& arguments, const Environmen
 
   const std::unique_ptr<FarmClient> farm = remote.Connect(environment);
   const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
-  v1::JobStatus job;
-  job.set_job_id(job_id);
-  if (!picture.is_reproducible || NeedsJob(picture.output) || NeedsJob(picture.noisy)) {
-    absl::StatusOr<v1::JobStatus> known = farm->GetJob(job_id);
-    if (!known.ok()) return ReportError(environment, known.status());
-    job = *std::move(known);
-  }
+  const absl::StatusOr<v1::JobStatus> job = farm->GetJob(job_id);
+  if (!job.ok()) return ReportError(environment, job.status());
+  const std::vector<FrameRange> skipped = SkippedFrames(*job);
+  std::vector<FrameRange> missing;
   for (const FrameRange& range : frames.ranges) {
     for (int frame = range.first; frame <= range.last; ++frame) {
-      const absl::Status downloaded = picture.Fetch(*farm, job, frame, *progress, MakeBackoff(environment));
+      if (HasFrame(skipped, frame)) {
+        AddFrame(frame, &missing);
+        continue;
+      }
+      const absl::Status downloaded = picture.Fetch(*farm, *job, frame, *progress, MakeBackoff(environment));
       if (!downloaded.ok()) return ReportError(environment, downloaded);
-      ReportDownloaded(job_id, frame, picture.OutputOf(job, frame), remote.json, environment);
+      ReportDownloaded(job_id, frame, picture.OutputOf(*job, frame), remote.json, environment);
     }
   }
-  return ExitCode::kOk;
+  if (missing.empty()) return ExitCode::kOk;
+  ReportLine(environment, absl::StrCat("job ", job_id, " has no picture of the frames ", TextOf(missing),
+                                       ": they are skipped"));
+  return ExitCode::kGaps;
 }
 
 }  // namespace lumifold::client

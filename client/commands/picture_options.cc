@@ -10,6 +10,7 @@
 #include "client/options/display_options.h"
 #include "client/pictures/output_file.h"
 #include "client/pictures/output_template.h"
+#include "client/reports/job_report.h"
 #include "filter/image/exr_copy.h"
 #include "filter/image/exr_io.h"
 #include "filter/image/file_io.h"
@@ -107,8 +108,10 @@ absl::Status PictureOptions::Fetch(FarmClient& farm, const v1::JobStatus& job, i
 
 absl::Status PictureOptions::FetchAll(FarmClient& farm, const v1::JobStatus& job, const Frames& frames,
                                       Progress& progress, const Backoff& backoff) const {
+  const std::vector<FrameRange> skipped = SkippedFrames(job);
   for (const FrameRange& range : frames.ranges) {
     for (int frame = range.first; frame <= range.last; ++frame) {
+      if (HasFrame(skipped, frame)) continue;
       absl::Status fetched = Fetch(farm, job, frame, progress, backoff);
       if (!fetched.ok()) return fetched;
     }

@@ -32,7 +32,7 @@ struct PictureOptions {
   /// Errors: those of DownloadFrame() and client/pictures/output_file.h; the partial download then stays.
   absl::Status Fetch(FarmClient& farm, const v1::JobStatus& job, int frame, Progress& progress,
                      Backoff backoff) const;
-  /// The same for several frames.
+  /// The same for several frames, without those that the job skips.
   absl::Status FetchAll(FarmClient& farm, const v1::JobStatus& job, const Frames& frames, Progress& progress,
                         const Backoff& backoff) const;
 

@@ -148,7 +148,9 @@ ExitCode ReportOutcome(const Environment& environment, const v1::JobStatus& job)
   const std::string state = Coloured(environment.terminal.err_has_colours, colour, StateName(job.state()));
   std::string line = absl::StrCat("job ", job.job_id(), " ", state);
   if (!job.error().empty()) absl::StrAppend(&line, ": ", job.error());
-  if (job.state() == v1::JOB_STATE_DONE) absl::StrAppend(&line, ": ", StageTimesText(job.times()));
+  if (const auto skipped = SkippedFrames(job); !skipped.empty())
+    absl::StrAppend(&line, ": skipped: ", TextOf(skipped));
+  if (IsDone(job)) absl::StrAppend(&line, ": ", StageTimesText(job.times()));
   ReportLine(environment, line);
   return ExitCodeForOutcome(job);
 }

@@ -81,7 +81,7 @@ ExitCode Follow(const SubmitOptions& options, const std::string& job_id, FarmCli
   if (!job.ok()) return ReportError(environment, job.status());
   ExitCode outcome = ReportOutcome(environment, *job);
   absl::Status written = preview == nullptr ? absl::OkStatus() : preview->Stop();
-  const bool downloads = job->state() == v1::JOB_STATE_DONE && !options.picture.output.empty();
+  const bool downloads = IsDone(*job) && !options.picture.output.empty();
   if (written.ok() && downloads)
     written =
         options.picture.FetchAll(farm, *job, options.job.view.frames, progress, MakeBackoff(environment));

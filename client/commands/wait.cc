@@ -14,7 +14,8 @@ ExitCode RunWait(const std::vector<std::string>& arguments, const Environment& e
   command_line.AddArgument("JOB", &job_id, kJobArgumentHelp);
   hook.AddTo(command_line);
   remote.AddTo(command_line);
-  command_line.SetFooter("The exit code is the job's outcome: 0 done, 1 failed, 5 cancelled.");
+  command_line.SetFooter(
+      "The exit code is the job's outcome: 0 done, 1 failed, 5 cancelled, 6 done with gaps.");
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 
   const std::unique_ptr<FarmClient> farm = remote.Connect(environment);

@@ -40,7 +40,8 @@ ExitCode RunWatch(const std::vector<std::string>& arguments, const Environment& 
   hook.AddTo(command_line);
   remote.AddTo(command_line);
   command_line.SetFooter(
-      "The exit code is the job's outcome: 0 done, 1 failed, 5 cancelled. Ctrl-C ends this command, not "
+      "The exit code is the job's outcome: 0 done, 1 failed, 5 cancelled, 6 done with gaps. Ctrl-C ends this "
+      "command, not "
       "the job. At the end the file of --preview is the finished picture.");
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
   if (const auto ended = CheckPreview(file.path, "lumifold watch", environment)) return *ended;
@@ -58,7 +59,7 @@ ExitCode RunWatch(const std::vector<std::string>& arguments, const Environment& 
   if (!job.ok()) return ReportError(environment, job.status());
   if (preview != nullptr) {
     absl::Status written = preview->Stop();
-    if (written.ok() && job->state() == v1::JOB_STATE_DONE)
+    if (written.ok() && IsDone(*job) && !HasFrame(SkippedFrames(*job), file.frame))
       written = FetchResult(*farm, *job, file, *progress, MakeBackoff(environment));
     if (!written.ok()) ReportError(environment, written);
   }

@@ -36,6 +36,8 @@ absl::string_view WorkerStateName(v1::WorkerState state) {
       return "set aside";
     case v1::WORKER_STATE_BLOCKED:
       return "blocked";
+    case v1::WORKER_STATE_RESTING:
+      return "resting";
     case v1::WORKER_STATE_GONE:
       return "gone";
     default:

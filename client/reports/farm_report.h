@@ -10,7 +10,7 @@
 /// changes.
 namespace lumifold::client {
 
-/// "idle", "busy", "draining", "silent", "set aside", "blocked" or "gone"; "unknown" for a state of a later
+/// "idle", "busy", "draining", "silent", "set aside", "blocked", "resting" or "gone"; "unknown" for a state of a later
 /// version.
 absl::string_view WorkerStateName(v1::WorkerState state);
 

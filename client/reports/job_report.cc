@@ -19,12 +19,13 @@ struct NamedState {
   v1::JobState state;
   absl::string_view name;
 };
-constexpr std::array<NamedState, 8> kStates = {{{v1::JOB_STATE_SUBMITTED, "submitted"},
+constexpr std::array<NamedState, 9> kStates = {{{v1::JOB_STATE_SUBMITTED, "submitted"},
                                                 {v1::JOB_STATE_PLANNED, "planned"},
                                                 {v1::JOB_STATE_RUNNING, "running"},
                                                 {v1::JOB_STATE_PAUSED, "paused"},
                                                 {v1::JOB_STATE_FILTERING, "filtering"},
                                                 {v1::JOB_STATE_DONE, "done"},
+                                                {v1::JOB_STATE_DONE_WITH_GAPS, "done-with-gaps"},
                                                 {v1::JOB_STATE_FAILED, "failed"},
                                                 {v1::JOB_STATE_CANCELLED, "cancelled"}}};
 
@@ -34,7 +35,7 @@ std::string SubmittedText(const v1::JobStatus& status) {
 }
 
 int PercentDone(const v1::JobStatus& status) {
-  if (status.state() == v1::JOB_STATE_DONE) return 100;
+  if (IsDone(status)) return 100;
   if (status.units_total() <= 0) return 0;
   return static_cast<int>(100 * status.units_done() / status.units_total());
 }
@@ -46,7 +47,7 @@ std::string ErrorText(const v1::JobStatus& status) {
   std::string text = absl::StrFormat("%.3g %s", status.estimated_error(), is_relative ? "relMSE" : "MSE255");
   if (adaptive.target_error() > 0) absl::StrAppendFormat(&text, ", target %.3g", adaptive.target_error());
   const bool is_reached = status.estimated_error() <= adaptive.target_error();
-  if (adaptive.target_error() > 0 && status.state() == v1::JOB_STATE_DONE && !is_reached)
+  if (adaptive.target_error() > 0 && IsDone(status) && !is_reached)
     absl::StrAppend(&text, " not reached: another limit ended sampling");
   return text;
 }
@@ -69,14 +70,26 @@ absl::StatusOr<v1::JobState> ParseStateName(absl::string_view name) {
       absl::StrCat("no state '", name, "'; there are ", absl::StrJoin(names, ", "), Suggestion(name, names)));
 }
 
+bool IsDone(const v1::JobStatus& status) {
+  return status.state() == v1::JOB_STATE_DONE || status.state() == v1::JOB_STATE_DONE_WITH_GAPS;
+}
+
 bool HasEnded(const v1::JobStatus& status) {
-  return status.state() == v1::JOB_STATE_DONE || status.state() == v1::JOB_STATE_FAILED ||
+  return IsDone(status) || status.state() == v1::JOB_STATE_FAILED ||
          status.state() == v1::JOB_STATE_CANCELLED;
+}
+
+std::vector<FrameRange> SkippedFrames(const v1::JobStatus& status) {
+  std::vector<FrameRange> frames;
+  for (const v1::FrameRange& range : status.scheduling().gaps().skipped())
+    frames.push_back({range.first(), range.first() + range.count() - 1});
+  return frames;
 }
 
 ExitCode ExitCodeForOutcome(const v1::JobStatus& status) {
   if (status.state() == v1::JOB_STATE_FAILED) return ExitCode::kFailed;
   if (status.state() == v1::JOB_STATE_CANCELLED) return ExitCode::kCancelled;
+  if (status.state() == v1::JOB_STATE_DONE_WITH_GAPS) return ExitCode::kGaps;
   return ExitCode::kOk;
 }
 
@@ -108,6 +121,9 @@ std::string JobJson(const v1::JobStatus& status,
   json["units_total"] = status.units_total();
   json["frames_done"] = status.frames_done();
   json["frames_total"] = status.frames_total();
+  if (status.frames_skipped() > 0) json["frames_skipped"] = status.frames_skipped();
+  const std::vector<FrameRange> skipped = SkippedFrames(status);
+  if (!skipped.empty()) json["skipped"] = TextOf(skipped);
   if (status.frames_filtering() > 0) json["frames_filtering"] = status.frames_filtering();
   if (status.frames_waiting() > 0) json["frames_waiting"] = status.frames_waiting();
   json["samples_done"] = status.samples_done();
@@ -156,6 +172,7 @@ std::string JobText(const v1::JobStatus& status) {
   const std::string filtering = FilteringText(status);
   line("frames", status.frames_done(), " of ", status.frames_total(), filtering.empty() ? "" : ", ",
        filtering);
+  if (status.frames_skipped() > 0) line("skipped", TextOf(SkippedFrames(status)));
   line("samples", status.samples_done(), " of ", status.samples_total());
   if (status.bad_samples() > 0) line("bad samples", status.bad_samples());
   if (status.has_estimated_error()) line("estimated error", ErrorText(status));
@@ -164,12 +181,12 @@ std::string JobText(const v1::JobStatus& status) {
 }
 
 std::string JobTableHead() {
-  return absl::StrFormat("%-20s %-10s %5s  %-20s %-12s %s\n", "JOB", "STATE", "DONE", "SUBMITTED", "USER",
+  return absl::StrFormat("%-20s %-14s %5s  %-20s %-12s %s\n", "JOB", "STATE", "DONE", "SUBMITTED", "USER",
                          "SCENE");
 }
 
 std::string JobTableLine(const v1::JobStatus& status) {
-  return absl::StrFormat("%-20s %-10s %4d%%  %-20s %-12s %s\n", status.job_id(), StateName(status.state()),
+  return absl::StrFormat("%-20s %-14s %4d%%  %-20s %-12s %s\n", status.job_id(), StateName(status.state()),
                          PercentDone(status), SubmittedText(status),
                          rpc::Printable(status.scheduling().user()), rpc::Printable(status.display_name()));
 }

@@ -7,22 +7,29 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "client/cli/exit_code.h"
+#include "client/cli/frame_range.h"
 #include "lumifold/v1/job.pb.h"
 
 namespace lumifold::client {
 
-/// "submitted", "planned", "running", "paused", "filtering", "done", "failed" or "cancelled"; "unknown" for a
-/// state of a later version.
+/// "submitted", "planned", "running", "paused", "filtering", "done", "done-with-gaps", "failed" or
+/// "cancelled"; "unknown" for a state of a later version.
 absl::string_view StateName(v1::JobState state);
 
 /// The inverse.
 /// Errors: kInvalidArgument naming the states.
 absl::StatusOr<v1::JobState> ParseStateName(absl::string_view name);
 
+/// True if the job is done, with gaps or without.
+bool IsDone(const v1::JobStatus& status);
+
+/// Frames that the job is done without. Of a status of GetJob or WatchJob.
+std::vector<FrameRange> SkippedFrames(const v1::JobStatus& status);
+
 /// True if the job is done, failed or cancelled.
 bool HasEnded(const v1::JobStatus& status);
 
-/// Exit code for the state of a job: kOk if it is done or has not ended.
+/// Exit code for the state of a job: kOk if it is done without gaps, or has not ended.
 ExitCode ExitCodeForOutcome(const v1::JobStatus& status);
 
 /// Which of its frames are being finished: "2 in the filter, 4 waiting"; empty if there are none.

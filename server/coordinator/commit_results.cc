@@ -47,8 +47,8 @@ void CommitResults::OnUnitsLost(const JobId& job, int32_t frame, const absl::Sta
   if (!lost.ok()) return farm->FailJob(job, std::string(lost.status().message()));
   if (lost->empty()) return farm->FailJob(job, error);
   if (++active->losses[frame] > kMaxLosses) {
-    return farm->FailJob(
-        job, absl::StrCat("units of frame ", frame, " were lost ", kMaxLosses + 1, " times: ", error));
+    return farm->FailFrame({job, frame}, absl::StrCat("units of frame ", frame, " were lost ", kMaxLosses + 1,
+                                                      " times: ", error));
   }
   farm->RevokeUnits(job, *lost);
   resources_->log().error("event=units_lost job={} frame={} units={} error={}", job.value(), frame,

@@ -87,7 +87,8 @@ Coordinator::Coordinator(const CoordinatorOptions& options, const DataFolder& fo
                                             JobChanges::Parts{.committer = committer_.get(),
                                                               .cleanup = cleanup_.get(),
                                                               .loader = loader_.get(),
-                                                              .queries = queries_.get()})),
+                                                              .queries = queries_.get(),
+                                                              .scheduling = &operators_->changes()})),
       takeover_(std::make_unique<Takeover>(&resources_, state_.get(),
                                            Takeover::Parts{.loader = loader_.get(),
                                                            .submission = submission_.get(),
@@ -95,7 +96,7 @@ Coordinator::Coordinator(const CoordinatorOptions& options, const DataFolder& fo
                                                            .stop_leasing = [this] { StopLeasing(); }})),
       housekeeping_(std::make_unique<Housekeeping>(&resources_, state_.get(), cleanup_.get(),
                                                    &records_->housekeeping())) {
-  records_->Connect(state_.get(), committer_.get());
+  records_->Connect(state_.get(), committer_.get(), changes_.get());
 }
 
 Coordinator::~Coordinator() { Shutdown(); }

@@ -11,6 +11,7 @@
 #include "proto/sandbox/sandbox.h"
 #include "server/coordinator/job_status.h"
 #include "server/job/frame_list.h"
+#include "server/job/gaps.h"
 #include "server/job/job_state.h"
 #include "server/picture/make_picture.h"
 
@@ -59,6 +60,8 @@ void Farm::EnterJob(const LoadedJob& loaded) {
   frames.AddJob(id, loaded.record.scheduling);
   LimitFramesFor(id);
   for (const int32_t frame : loaded.finished) scheduler.frames().RestoreFinished(id, frame);
+  for (const int32_t frame : job::SkippedFrames(loaded.record.scheduling.gaps()))
+    scheduler.frames().Skip(id, frame);
   for (const auto& [frame, rounds] : loaded.rounds) {
     v1::StageTimes& times = active->record.times;  // the ledger has those of finished frames
     times.set_render_seconds(std::max(times.render_seconds(), rounds->rendered_seconds()));
@@ -72,7 +75,7 @@ void Farm::EnterJob(const LoadedJob& loaded) {
   resources_->log().info("event=job_restored job={} units={}/{} frames={}/{}", id.value(),
                          progress.units_done, progress.units_total, progress.frames_done,
                          progress.frames_total);
-  if (progress.frames_done == progress.frames_total) return EndJob(id, v1::JOB_STATE_DONE, "");
+  if (progress.state == v1::JOB_STATE_DONE) return FinishJob(id);
   // A job that has begun waited long enough, even if a job that it waited for runs again.
   const bool has_begun = progress.units_done > 0 || loaded.record.started != absl::InfinitePast();
   if (!has_begun) AwaitPrerequisites(id, loaded.after);
@@ -103,6 +106,38 @@ void Farm::EndJob(const JobId& job, v1::JobState state, const std::string& cause
   effects_->RecordEnd(job, state, error);
   resources_->log().info("event=job_ended job={} state={} error={}", job.value(), v1::JobState_Name(state),
                          logging::Quoted(error));
+}
+
+void Farm::FailFrame(const FrameKey& frame, const std::string& cause) {
+  const auto& [job, number] = frame;
+  ActiveJob* const active = jobs.FindActive(job);
+  if (active == nullptr) return;
+  v1::Gaps* const gaps = active->record.scheduling.mutable_gaps();
+  const scheduler::JobProgress progress = scheduler.jobs().Progress(job);
+  const int skipped = progress.frames_skipped + static_cast<int>(active->skipping.size());
+  const bool is_being_skipped = active->skipping.contains(number);
+  if (is_being_skipped) return;
+  if (gaps->skip_failed() && job::MaySkipAnother(skipped, progress.frames_done, progress.frames_total)) {
+    active->skipping.insert(number);
+    resources_->log().warn("event=frame_skipped job={} frame={} error={}", job.value(), number,
+                           logging::Quoted(cause));
+    return effects_->SkipFrame(frame, cause);
+  }
+  gaps->set_failed_frame(number);
+  FailJob(job, cause);
+}
+
+void Farm::KeepFrame(const FrameKey& frame) {
+  ActiveJob* const active = jobs.FindActive(frame.first);
+  if (active == nullptr || active->skipping.erase(frame.second) == 0) return;
+  QueueDue(frame);
+}
+
+void Farm::FinishJob(const JobId& job) {
+  const ActiveJob* const active = jobs.FindActive(job);
+  if (active == nullptr) return;
+  const bool has_gaps = active->record.scheduling.gaps().skipped_size() > 0;
+  EndJob(job, has_gaps ? v1::JOB_STATE_DONE_WITH_GAPS : v1::JOB_STATE_DONE, "");
 }
 
 void Farm::SuspendJob(const JobId& job, v1::JobStatus shown) {

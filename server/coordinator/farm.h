@@ -36,6 +36,8 @@ class FarmEffects {
   virtual void DiscardUnits(const FrameKey& frame, const std::vector<job::UnitKey>& units) = 0;
   /// The workers of this name are blocked. After DiscardUnits for their units.
   virtual void RecordBlock(const std::string& name, const std::string& reason) = 0;
+  /// A frame cannot be rendered, and its job is to go on without it. `cause`: why the job fails if it cannot.
+  virtual void SkipFrame(const FrameKey& frame, const std::string& cause) = 0;
   /// Jobs that others wait for.
   virtual void KeepPrerequisites(const std::set<job::JobId>& jobs) = 0;
   /// Jobs have changed; frames may be due.
@@ -67,6 +69,12 @@ class Farm {
   void EndJob(const job::JobId& job, v1::JobState state, const std::string& cause);
   /// Fails a job.
   void FailJob(const job::JobId& job, const std::string& cause) { EndJob(job, v1::JOB_STATE_FAILED, cause); }
+  /// A frame cannot be rendered: its job fails, or skips it.
+  void FailFrame(const FrameKey& frame, const std::string& cause);
+  /// A frame could not be skipped for now: it is tried again.
+  void KeepFrame(const FrameKey& frame);
+  /// All frames of a job are finished, or skipped.
+  void FinishJob(const job::JobId& job);
   /// An active job leaves the scheduler and the finisher, until EnterJob. `shown`: what clients see if it is
   /// not active.
   void SuspendJob(const job::JobId& job, v1::JobStatus shown);

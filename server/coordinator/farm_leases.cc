@@ -55,7 +55,12 @@ std::string_view EventOf(scheduler::Lateness lateness) {
 
 void Farm::Complete() {
   for (const scheduler::FailedJob& job : scheduler.TakeFailedJobs()) {
-    if (is_leasing()) FailJob(job.job, job.error);
+    if (!is_leasing()) continue;
+    if (job.frame.has_value()) {
+      FailFrame({job.job, *job.frame}, job.error);
+    } else {
+      FailJob(job.job, job.error);
+    }
   }
   if (is_leasing()) {
     FollowAudits();

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "proto/logging/fields.h"
 #include "server/commit/committer.h"
+#include "server/coordinator/job_changes.h"
 #include "server/coordinator/job_status.h"
 #include "server/finish/frame_finisher.h"
 
@@ -19,8 +20,21 @@ void FarmRecords::RecordEnd(const JobId& job, v1::JobState state, const std::str
                     [this, job](const absl::Status& status) { OnEndRecorded(job, status); });
 }
 
+absl::Status FarmRecords::WriteFailedFrame(const JobId& job) {
+  v1::Scheduling scheduling;
+  {
+    FarmState::View farm(state_);
+    if (const EndingJob* const ending = farm->jobs.FindEnding(job); ending != nullptr)
+      scheduling = ending->record.scheduling;
+  }
+  if (!scheduling.gaps().has_failed_frame()) return absl::OkStatus();
+  absl::Status status = resources_->store->SetScheduling(resources_->Owned(job), scheduling);
+  return absl::IsFailedPrecondition(status) ? absl::OkStatus() : status;  // an earlier try has ended it
+}
+
 absl::Status FarmRecords::WriteEnd(const JobId& job, v1::JobState state, const std::string& error) {
-  absl::Status status = resources_->store->EndJob(resources_->Owned(job), state, error);
+  absl::Status status = WriteFailedFrame(job);
+  if (status.ok()) status = resources_->store->EndJob(resources_->Owned(job), state, error);
   // Whoever waits is told now; the order stays and is carried out when the storage can be written.
   if (IsStorageError(status)) {
     AnswerCancels(
@@ -78,6 +92,10 @@ void FarmRecords::RecordBlock(const std::string& name, const std::string& reason
                       resources_->log().error("event=ledger_failed worker={} error={}",
                                               absl::StrCat("-/", name), logging::Quoted(status.message()));
                     });
+}
+
+void FarmRecords::SkipFrame(const FrameKey& frame, const std::string& cause) {
+  changes_->SkipFrame(frame, cause);
 }
 
 void FarmRecords::KeepPrerequisites(const std::set<JobId>& jobs) { cleanup_->janitor().SetNeeded(jobs); }

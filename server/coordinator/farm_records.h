@@ -13,6 +13,7 @@
 namespace lumifold::server {
 
 class Committer;
+class JobChanges;
 
 /// Carries out what changes of the farm lead to: ends of jobs and blocks of workers are orders to the
 /// committer, and threads are woken.
@@ -22,15 +23,17 @@ class FarmRecords final : public FarmEffects {
   /// Both must outlive it.
   FarmRecords(Resources* resources, Cleanup* cleanup) : resources_(resources), cleanup_(cleanup) {}
   /// Before any other call.
-  void Connect(FarmState* state, Committer* committer) {
+  void Connect(FarmState* state, Committer* committer, JobChanges* changes) {
     state_ = state;
     committer_ = committer;
+    changes_ = changes;
   }
 
   void RecordEnd(const job::JobId& job, v1::JobState state, const std::string& error) override;
   void CancelFinishing(const job::JobId& job) override;
   void DiscardUnits(const FrameKey& frame, const std::vector<job::UnitKey>& units) override;
   void RecordBlock(const std::string& name, const std::string& reason) override;
+  void SkipFrame(const FrameKey& frame, const std::string& cause) override;
   void KeepPrerequisites(const std::set<job::JobId>& jobs) override;
   void WakeHousekeeping() override { housekeeping_.Notify(); }
   void WakeFinisher() override { finishing_.Notify(); }
@@ -41,6 +44,8 @@ class FarmRecords final : public FarmEffects {
   void AnswerCancels(const job::JobId& job, const absl::StatusOr<v1::JobStatus>& answer);
 
  private:
+  /// Records which frame has failed the job that is ending, if one has.
+  absl::Status WriteFailedFrame(const job::JobId& job);
   absl::Status WriteEnd(const job::JobId& job, v1::JobState state, const std::string& error);
   void OnEndRecorded(const job::JobId& job, const absl::Status& status);
 
@@ -48,6 +53,7 @@ class FarmRecords final : public FarmEffects {
   Cleanup* const cleanup_;
   FarmState* state_ = nullptr;
   Committer* committer_ = nullptr;
+  JobChanges* changes_ = nullptr;
   threads::Event housekeeping_;
   threads::Event finishing_;
 };

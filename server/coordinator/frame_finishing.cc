@@ -98,8 +98,8 @@ std::optional<RunningFrame> FrameFinishing::Begin(absl::Duration* pause) {
 void FrameFinishing::RetryFrame(Farm* farm, DueFrame frame, const absl::Status& error) {
   const absl::Time now = resources_->options.now();
   if (!farm->frames.Retry(&frame, now)) {
-    return farm->FailJob(frame.job, absl::StrCat("frame ", frame.number, " failed ", frame.failures,
-                                                 " times: ", std::string(error.message())));
+    return farm->FailFrame(frame.key(), absl::StrCat("frame ", frame.number, " failed ", frame.failures,
+                                                     " times: ", std::string(error.message())));
   }
   resources_->log().warn("event=frame_retried job={} frame={} failures={} pause_seconds={:.1f} error={}",
                          frame.job.value(), frame.number, frame.failures,
@@ -126,7 +126,7 @@ void FrameFinishing::OnFinished(DueFrame frame, const absl::StatusOr<v1::FrameRe
     return committer_->Check(frame.key(), report.status());
   if (absl::IsUnavailable(report.status())) return AwaitStorage(&*farm, std::move(frame), report.status());
   if (IsWorthRetrying(report.status())) return RetryFrame(&*farm, std::move(frame), report.status());
-  if (!report.ok()) return farm->FailJob(frame.job, std::string(report.status().message()));
+  if (!report.ok()) return farm->FailFrame(frame.key(), std::string(report.status().message()));
   v1::FrameReport recorded = *report;
   recorded.mutable_times()->set_render_seconds(active->record.times.render_seconds());
   committer_->Write(
@@ -186,7 +186,7 @@ void FrameFinishing::OnFrameRecorded(const DueFrame& frame, const v1::FrameRepor
   resources_->log().info("event=frame_finished job={} frame={} filter_seconds={:.3f}{}", job.value(),
                          frame.number, times.filter_seconds(), error);
   farm->watchers.MarkChanged(job);
-  if (farm->scheduler.frames().Finish(job, frame.number)) farm->EndJob(job, v1::JOB_STATE_DONE, "");
+  if (farm->scheduler.frames().Finish(job, frame.number)) farm->FinishJob(job);
 }
 
 }  // namespace lumifold::server

@@ -11,6 +11,7 @@
 #include "proto/rpc/rect_codec.h"
 #include "server/commit/revise_film.h"
 #include "server/job/frame_list.h"
+#include "server/job/gaps.h"
 #include "server/job/job_state.h"
 #include "server/storage/manifest.h"
 
@@ -53,7 +54,8 @@ void JobChanges::CancelJob(const std::string& job_id, StatusAnswer done) {
 
 void JobChanges::RetryJob(const v1::RetryJobRequest& request, StatusAnswer done) {
   ReopenRequest wanted{.frames = {request.frames().begin(), request.frames().end()},
-                       .filter_only = request.filter_only()};
+                       .filter_only = request.filter_only(),
+                       .skip = request.skip()};
   if (request.has_region()) wanted.region = rpc::RectOf(request.region());
   Change([this, job = JobId(request.job_id()), wanted] { return Reopen(job, wanted); }, std::move(done));
 }
@@ -67,20 +69,35 @@ void JobChanges::DeleteJob(const v1::DeleteJobRequest& request, StatusAnswer don
   Change([this, job = JobId(request.job_id())] { return Delete(job); }, std::move(done));
 }
 
+void JobChanges::SkipFrame(const FrameKey& frame, const std::string& cause) {
+  const auto& [job, number] = frame;
+  const ReopenRequest wanted{.frames = {number}, .skip = true};
+  Queue([this, job = job, wanted] { return Reopen(job, wanted); },
+        [this, frame, cause](const absl::StatusOr<v1::JobStatus>& answer) {
+          if (answer.ok()) return;
+          FarmState::Change farm(state_);
+          if (absl::IsInvalidArgument(answer.status())) return farm->FailJob(frame.first, cause);
+          farm->KeepFrame(frame);
+        });
+}
+
 void JobChanges::Change(Work work, StatusAnswer done) {
+  if (!Queue(std::move(work), done)) done(absl::UnavailableError("the coordinator is stopping"));
+}
+
+bool JobChanges::Queue(Work work, const StatusAnswer& done) {
   int64_t number = 0;
   {
     absl::MutexLock lock(&mutex_);
-    if (is_open_) {
-      number = next_change_++;
-      answers_.emplace(number, done);
-    }
+    if (!is_open_) return false;
+    number = next_change_++;
+    answers_.emplace(number, done);
   }
-  if (number == 0) return done(absl::UnavailableError("the coordinator is stopping"));
   thread_.Run([this, number, work = std::move(work)] {
     const absl::Status storage = resources_->storage.status();
     Answer(number, storage.ok() ? work() : storage);
   });
+  return true;
 }
 
 void JobChanges::Answer(int64_t number, const absl::StatusOr<v1::JobStatus>& answer) {
@@ -115,8 +132,11 @@ absl::StatusOr<ReopenPlan> JobChanges::PlanFor(const JobId& job, const ReopenReq
   if (!record.ok()) return record.status();
   absl::StatusOr<std::vector<int32_t>> finished = resources_->store->FinishedFrames(job);
   if (!finished.ok()) return finished.status();
-  job::ReopenedJob reopened{
-      .spec = record->spec, .state = record->state, .frames = {}, .finished = *std::move(finished)};
+  job::ReopenedJob reopened{.spec = record->spec,
+                            .state = record->state,
+                            .frames = {},
+                            .finished = *std::move(finished),
+                            .gaps = record->scheduling.gaps()};
   const job::FrameList frames(record->spec);
   for (int i = 0; i < frames.count(); ++i) reopened.frames.push_back(frames.NumberOf(i));
   return ReopenPlan::Make(reopened, request);
@@ -161,16 +181,21 @@ absl::Status JobChanges::ChangeFiles(const JobId& job, const ReopenPlan& plan) {
   parts_.cleanup->janitor().Keep(job);
   const absl::StatusOr<std::vector<int32_t>> without_film = ReviseFilm(folder, job, plan, folder.files());
   if (!without_film.ok()) return without_film.status();
-  const absl::StatusOr<ledger::JobRecord> record = resources_->store->GetJob(job);
+  absl::MutexLock one_change(parts_.scheduling);
+  absl::StatusOr<ledger::JobRecord> record = resources_->store->GetJob(job);
   if (!record.ok()) return record.status();
   resources_->LabelJob(job, record->scheduling);
-  if (absl::Status status = UnretireJob(folder, *record, plan.spec()); !status.ok()) return status;
-  if (absl::Status status =
-          resources_->store->ReopenFrames(job, resources_->owner, plan.spec(), plan.frames());
-      !status.ok())
+  record->spec = plan.spec();
+  *record->scheduling.mutable_gaps() = plan.gaps();
+  if (absl::Status status = UnretireJob(folder, *record); !status.ok()) return status;
+  const ledger::Reopening reopening = {
+      .spec = plan.spec(), .scheduling = record->scheduling, .frames = plan.forgotten_frames()};
+  if (absl::Status status = resources_->store->ReopenFrames(job, resources_->owner, reopening); !status.ok())
     return status;
-  resources_->log().info("event=job_reopened job={} spp={} frames={} frames_without_film={}", job.value(),
-                         plan.spec().samples_per_pixel(), plan.frames().size(), without_film->size());
+  resources_->log().info(
+      "event=job_reopened job={} spp={} frames={} frames_without_film={} frames_skipped={}", job.value(),
+      plan.spec().samples_per_pixel(), plan.frames().size(), without_film->size(),
+      job::CountSkipped(plan.gaps()));
   return absl::OkStatus();
 }
 

@@ -34,6 +34,7 @@ class JobChanges final : public JobChangeApi {
     Cleanup* cleanup;
     JobLoader* loader;
     JobQueries* queries;
+    absl::Mutex* scheduling;  // held while the scheduling of a job is changed
   };
   /// All must outlive it.
   JobChanges(Resources* resources, FarmState* state, const Parts& parts)
@@ -43,6 +44,10 @@ class JobChanges final : public JobChangeApi {
   void RetryJob(const v1::RetryJobRequest& request, StatusAnswer done) override;
   void AddSamples(const v1::AddSamplesRequest& request, StatusAnswer done) override;
   void DeleteJob(const v1::DeleteJobRequest& request, StatusAnswer done) override;
+
+  /// Lets a job go on without a frame that cannot be rendered; where that is not possible, it fails for
+  /// `cause`. Only queues.
+  void SkipFrame(const FrameKey& frame, const std::string& cause);
 
   /// Answers all changes that wait, and takes no more.
   void StopAnswering();
@@ -54,6 +59,8 @@ class JobChanges final : public JobChangeApi {
 
   /// Calls `work` on the thread of changes, and `done` with its outcome or when the coordinator stops.
   void Change(Work work, StatusAnswer done);
+  /// As Change; false where the coordinator stops, and nothing follows.
+  bool Queue(Work work, const StatusAnswer& done);
   void Answer(int64_t number, const absl::StatusOr<v1::JobStatus>& answer);
   absl::StatusOr<v1::JobStatus> Reopen(const job::JobId& job, const job::ReopenRequest& request);
   absl::StatusOr<v1::JobStatus> Delete(const job::JobId& job);

@@ -10,6 +10,7 @@
 #include "server/commit/restore_units.h"
 #include "server/film/unit_log.h"
 #include "server/finish/estimate_round.h"
+#include "server/job/gaps.h"
 #include "server/job/job_spec.h"
 #include "server/job/job_state.h"
 #include "server/scheduler/scheduler.h"
@@ -82,10 +83,13 @@ absl::Status JobLoader::LoadProgress(LoadedJob* loaded) {
   absl::StatusOr<std::vector<int32_t>> finished = resources_->store->FinishedFrames(id);
   if (!finished.ok()) return finished.status();
   loaded->finished = *std::move(finished);
+  std::vector<int32_t> left_out = job::SkippedFrames(loaded->record.scheduling.gaps());
+  left_out.insert(left_out.end(), loaded->finished.begin(), loaded->finished.end());
+  std::sort(left_out.begin(), left_out.end());
   DigestReader digests(resources_->folder, loaded->record.scheduling.audit_share());
   absl::StatusOr<RestoredUnits> units =
-      RestoreUnits(resources_->folder, *resources_->store, resources_->Owned(id), loaded->record,
-                   loaded->finished, [&](const ledger::UnitRecord& unit) {
+      RestoreUnits(resources_->folder, *resources_->store, resources_->Owned(id), loaded->record, left_out,
+                   [&](const ledger::UnitRecord& unit) {
                      loaded->units.push_back({unit.unit.key, unit.worker, digests.Of(unit)});
                    });
   if (!units.ok()) return units.status();

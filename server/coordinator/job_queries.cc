@@ -19,6 +19,7 @@
 #include "server/coordinator/list_limit.h"
 #include "server/film/result_digest.h"
 #include "server/job/frame_list.h"
+#include "server/job/gaps.h"
 #include "server/job/job_state.h"
 #include "server/preview/make_preview.h"
 
@@ -117,8 +118,9 @@ absl::Status JobQueries::AddListed(const ledger::JobPage& page, const v1::ListJo
   const auto add = [&](v1::JobStatus status) {
     const auto& states = request.states();
     if (!states.empty() && std::find(states.begin(), states.end(), status.state()) == states.end()) return;
-    // A thousand jobs must fit a message: their warnings and long errors are in GetJob.
+    // A thousand jobs must fit a message: what may be long is in GetJob.
     status.clear_warnings();
+    status.mutable_scheduling()->mutable_gaps()->clear_skipped();
     status.set_error(rpc::BoundedLine(status.error(), kMaxListedErrorBytes));
     *response->add_jobs() = std::move(status);
   };
@@ -162,6 +164,12 @@ absl::StatusOr<v1::ExplainJobResponse> JobQueries::ExplainJob(const std::string&
   if (plan->decisions_size() > 0) *response.mutable_plan() = *plan;
   if (status->state() == v1::JOB_STATE_FAILED) AddReason("failed", status->error(), &response);
   if (status->state() == v1::JOB_STATE_CANCELLED) AddReason("cancelled", "the job was cancelled", &response);
+  if (status->frames_skipped() > 0) {
+    AddReason("skipped",
+              absl::StrCat(status->frames_skipped(), " of its ", status->frames_total(),
+                           " frames are skipped: ", job::TextOf(status->scheduling().gaps())),
+              &response);
+  }
   if (job::HasEnded(status->state())) return response;
   if (const absl::Status storage = resources_->storage.status(); !storage.ok())
     AddReason("storage", std::string(storage.message()), &response);
@@ -198,8 +206,10 @@ absl::StatusOr<rpc::ByteSender> JobQueries::OpenResult(const v1::DownloadResultR
   const absl::StatusOr<bool> is_finished = IsFinished(job, request.frame());
   if (!is_finished.ok()) return is_finished.status();
   if (!*is_finished) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("frame ", request.frame(), " of job ", request.job_id(), " is not ready"));
+    const absl::StatusOr<v1::JobStatus> status = StatusOf(job);
+    const bool is_skipped = status.ok() && job::IsSkipped(status->scheduling().gaps(), request.frame());
+    return absl::FailedPreconditionError(absl::StrCat("frame ", request.frame(), " of job ", request.job_id(),
+                                                      is_skipped ? " is skipped" : " is not ready"));
   }
   const std::string path = resources_->folder.ResultPath(job, request.frame());
   absl::StatusOr<rpc::ByteSender> sender = rpc::ByteSender::Open(path, request.offset());

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "server/job/frame_list.h"
+#include "server/job/gaps.h"
 #include "server/job/limits.h"
 #include "server/job/plan.h"
 #include "server/job/tile_grid.h"
@@ -21,20 +22,22 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
   status.set_error(record.error);
   status.set_units_done(record.done.units);
   const bool is_divisible = spec.tile_size() > 0 && spec.pass_samples() > 0;  // a damaged spec may not be
-  const int frames = job::FrameList(spec).count();
+  const int skipped = job::CountSkipped(record.scheduling.gaps());
+  const int frames = job::FrameList(spec).count() - skipped;
   if (job::NeedsPlan(spec)) {
     status.set_units_total(1);
   } else {
     status.set_units_total(is_divisible ? job::FrameUnits(spec).count() * frames : 0);
   }
   status.set_frames_done(record.done.frames);
-  status.set_frames_total(frames);
+  status.set_frames_total(frames + skipped);
+  status.set_frames_skipped(skipped);
   status.set_samples_done(record.done.samples);
   status.set_samples_total(int64_t{spec.width()} * spec.height() * spec.samples_per_pixel() * frames);
   if (spec.has_adaptive()) {  // how many it needs is known at its end
     status.set_units_total(record.done.units);
-    if (record.state == v1::JOB_STATE_DONE) status.set_samples_total(record.done.samples);
-  } else if (record.state == v1::JOB_STATE_DONE) {  // a ledger that was rebuilt has not counted them
+    if (job::IsDone(record.state)) status.set_samples_total(record.done.samples);
+  } else if (job::IsDone(record.state)) {  // a ledger that was rebuilt has not counted them
     status.set_units_done(status.units_total());
     status.set_samples_done(status.samples_total());
   }

@@ -29,6 +29,8 @@ struct ActiveJob {
   std::optional<double> predicted_error;
   /// Number of times that units of an unfinished frame were lost.
   std::map<int32_t, int> losses;
+  /// Frames that cannot be rendered and that it is about to go on without.
+  std::set<int32_t> skipping;
   /// SHA-256 of the files of its scene, once a worker has fetched one.
   std::set<std::string> scene_files;
   /// The file that is missing or damaged, which the job waits for.

@@ -233,7 +233,7 @@ absl::StatusOr<v1::WorkerStatus> OperatorCalls::DrainWorker(const v1::WorkerRequ
     return absl::NotFoundError(
         absl::StrCat("no worker ", logging::Quoted(request.worker()), " is connected"));
   v1::CoordinatorMessage message;
-  message.mutable_drain();
+  message.mutable_drain()->set_finish_units(request.finish_units());
   for (const WorkerId worker : found->connected) {
     resources_->log().info("event=worker_drained worker={}", farm->workers.NameOf(worker));
     farm->scheduler.workers().Drain(worker);

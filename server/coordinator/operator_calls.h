@@ -21,6 +21,9 @@ class OperatorCalls final : public OperatorApi {
   OperatorCalls(Resources* resources, FarmState* state, Committer* committer, JobQueries* queries)
       : resources_(resources), state_(state), committer_(committer), queries_(queries) {}
 
+  /// Held while the scheduling of a job is changed. Taken before FarmState's lock.
+  absl::Mutex& changes() { return mutex_; }
+
   absl::StatusOr<v1::JobStatus> PauseJob(const std::string& job_id) override;
   absl::StatusOr<v1::JobStatus> ResumeJob(const std::string& job_id) override;
   absl::StatusOr<v1::JobStatus> SetJobPriority(const v1::SetJobPriorityRequest& request) override;

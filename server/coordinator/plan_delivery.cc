@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "proto/logging/fields.h"
 #include "proto/rpc/plan_text.h"
+#include "server/job/gaps.h"
 #include "server/job/plan.h"
 #include "server/storage/manifest.h"
 
@@ -63,6 +64,8 @@ void PlanDelivery::OnRecorded(WorkerId worker, const UnitRef& unit, Attempt atte
   }
   active->record.spec = planned;
   farm->scheduler.units().SetPlan(unit, planned);
+  for (const int32_t frame : job::SkippedFrames(active->record.scheduling.gaps()))
+    farm->scheduler.frames().Skip(unit.job, frame);
   farm->LimitFramesFor(unit.job);
   resources_->log().info("event=job_planned job={} worker={} rays={} plan={}", unit.job.value(),
                          farm->workers.NameOf(worker), planned.plan().probe_rays(),

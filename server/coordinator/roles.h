@@ -149,6 +149,8 @@ class WorkerApi {
                        const google::protobuf::RepeatedPtrField<v1::LogEvent>& lines) = 0;
   /// The worker wants no more leases; answers with Released.
   virtual void OnLeaving(job::WorkerId worker, const std::string& reason) = 0;
+  /// `reason`: empty where the worker takes leases again.
+  virtual void OnRest(job::WorkerId worker, const std::string& reason) = 0;
 
   /// The unit of a lease that the worker holds; nullopt if it does not hold it.
   virtual std::optional<LeasedUnit> FindLease(job::WorkerId worker, const job::UnitRef& unit,

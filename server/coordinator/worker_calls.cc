@@ -224,6 +224,14 @@ void WorkerCalls::OnLeaving(WorkerId worker, const std::string& reason) {
   farm->workers.Send(worker, message);  // after all grants, which are sent under the same lock
 }
 
+void WorkerCalls::OnRest(WorkerId worker, const std::string& reason) {
+  FarmState::Change farm(state_);
+  resources_->log().info("event=worker_{} worker={} reason={}", reason.empty() ? "works" : "rests",
+                         farm->workers.NameOf(worker), logging::Quoted(reason));
+  farm->scheduler.workers().Rest(worker, reason);
+  farm->frames.Wake();  // it may finish frames again
+}
+
 void WorkerCalls::OnAssetMissing(WorkerId worker, const UnitRef& unit, Attempt attempt,
                                  const std::string& sha256, const std::string& error) {
   scene_files_.OnMissing(worker, unit, attempt, sha256, [this, worker, unit, attempt, error] {

@@ -32,6 +32,7 @@ class WorkerCalls final : public WorkerApi {
   void OnHeartbeat(job::WorkerId worker, const v1::Heartbeat& heartbeat) override;
   void KeepLog(job::WorkerId worker, const google::protobuf::RepeatedPtrField<v1::LogEvent>& lines) override;
   void OnLeaving(job::WorkerId worker, const std::string& reason) override;
+  void OnRest(job::WorkerId worker, const std::string& reason) override;
 
   std::optional<LeasedUnit> FindLease(job::WorkerId worker, const job::UnitRef& unit,
                                       job::Attempt attempt) override;

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "filter/image/check.h"
+#include "server/job/job_state.h"
 
 namespace lumifold::job {
 namespace {
@@ -43,7 +44,7 @@ Settled Dependencies::Add(const JobId& job, absl::Span<const Prerequisite> after
   for (const Prerequisite& prerequisite : after) {
     if (HasEndedBadly(prerequisite.state)) return {{}, {{job, ReasonOf(prerequisite)}}};
     waiting.after.insert(prerequisite.job);
-    if (prerequisite.state != v1::JOB_STATE_DONE) waiting.unmet.insert(prerequisite.job);
+    if (!IsDone(prerequisite.state)) waiting.unmet.insert(prerequisite.job);
   }
   if (waiting.unmet.empty()) return {{job}, {}};
   for (const JobId& named : waiting.after) named_by_.emplace(named, job);

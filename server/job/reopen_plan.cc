@@ -6,7 +6,10 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "server/job/gaps.h"
 #include "server/job/job_spec.h"
+#include "server/job/job_state.h"
+#include "server/job/limits.h"
 
 namespace lumifold::job {
 namespace {
@@ -57,29 +60,71 @@ absl::StatusOr<ReopenPlan> ReopenPlan::Make(const ReopenedJob& job, const Reopen
   ReopenPlan plan(job.spec, *std::move(spec));
   absl::StatusOr<std::set<int32_t>> named = FramesNamed(job, request.frames);
   if (!named.ok()) return named.status();
+  if (request.skip && (request.region.has_value() || request.filter_only))
+    return absl::InvalidArgumentError("skip: not together with region or filter_only");
   if (request.region.has_value()) {
     absl::StatusOr<std::set<int32_t>> tiles = TilesNamed(job.spec, *request.region);
     if (!tiles.ok()) return tiles.status();
     plan.again_tiles_ = *std::move(tiles);
   }
   const bool names_parts = !request.frames.empty() || request.region.has_value() || request.filter_only;
-  const bool has_failed = job.state == v1::JOB_STATE_FAILED || job.state == v1::JOB_STATE_CANCELLED;
-  const bool is_done = job.state == v1::JOB_STATE_DONE;
+  const bool is_incomplete = HasEnded(job.state) && job.state != v1::JOB_STATE_DONE;
   const bool adds_samples = request.samples_per_pixel.has_value();
   if (adds_samples && *request.samples_per_pixel == job.spec.samples_per_pixel()) return plan;
-  if (!adds_samples && !names_parts && !has_failed && !is_done) return plan;
-  const bool goes_on = !adds_samples && !names_parts && has_failed;
+  if (!adds_samples && !names_parts && !request.skip && !HasEnded(job.state)) return plan;
+  const bool goes_on = request.skip || (!adds_samples && !names_parts && is_incomplete);
+  if (absl::Status status = plan.PlanGaps(job, request, *named, goes_on); !status.ok()) return status;
+  if (request.skip && !plan.changes_gaps_ && (IsDone(job.state) || !HasEnded(job.state))) return plan;
   if (goes_on) named->clear();
   if (!adds_samples && !request.filter_only) plan.again_frames_ = *named;
+  plan.PlanFrames(job, request, *named);
+  return plan;
+}
+
+absl::Status ReopenPlan::PlanGaps(const ReopenedJob& job, const ReopenRequest& request,
+                                  const std::set<int32_t>& named, bool goes_on) {
+  gaps_ = job.gaps;
+  gaps_.clear_failed_frame();
+  const std::vector<int32_t> before = SkippedFrames(job.gaps);
+  std::set<int32_t> skipped(before.begin(), before.end());
+  if (request.skip && request.frames.empty()) {
+    gaps_.set_skip_failed(true);
+    if (job.gaps.has_failed_frame()) skipped.insert(job.gaps.failed_frame());
+  } else if (request.skip) {
+    skipped.insert(named.begin(), named.end());
+  } else if (goes_on) {
+    skipped.clear();
+    gaps_.set_skip_failed(false);
+  } else if (!request.frames.empty()) {
+    std::erase_if(skipped, [&](int32_t frame) { return named.contains(frame); });
+  }
+  std::erase_if(skipped, [&](int32_t frame) {
+    return std::binary_search(job.finished.begin(), job.finished.end(), frame);
+  });
+  if (request.skip && skipped.size() == job.frames.size())
+    return absl::InvalidArgumentError("skip: the job would have no frame; cancel it instead");
+  SetSkipped(std::vector<int32_t>(skipped.begin(), skipped.end()), &gaps_);
+  if (gaps_.skipped_size() > kMaxFrameRanges) {
+    return absl::InvalidArgumentError(absl::StrCat("skip: the frames are ", gaps_.skipped_size(),
+                                                   " ranges; the limit is ", kMaxFrameRanges));
+  }
+  changes_gaps_ = !std::equal(skipped.begin(), skipped.end(), before.begin(), before.end()) ||
+                  gaps_.skip_failed() != job.gaps.skip_failed();
+  return absl::OkStatus();
+}
+
+void ReopenPlan::PlanFrames(const ReopenedJob& job, const ReopenRequest& request,
+                            const std::set<int32_t>& named) {
+  const bool needs_film = request.filter_only || request.region.has_value();
   for (const int32_t frame : job.frames) {
     const bool is_finished = std::binary_search(job.finished.begin(), job.finished.end(), frame);
-    const bool is_named = named->contains(frame);
-    if (is_finished && !is_named) continue;
-    plan.frames_.push_back(frame);
-    if (is_finished && !adds_samples && (request.filter_only || request.region.has_value()))
-      plan.need_film_.push_back(frame);
+    const bool is_skipped = IsSkipped(gaps_, frame);
+    if (is_skipped && !IsSkipped(job.gaps, frame)) forgotten_.push_back(frame);
+    if (is_skipped || (is_finished && !named.contains(frame))) continue;
+    frames_.push_back(frame);
+    forgotten_.push_back(frame);
+    if (is_finished && !request.samples_per_pixel.has_value() && needs_film) need_film_.push_back(frame);
   }
-  return plan;
 }
 
 bool ReopenPlan::Keeps(const UnitKey& key) const {

@@ -39,6 +39,7 @@ absl::Status CheckPriority(int32_t priority) {
 
 absl::StatusOr<v1::Scheduling> NormaliseScheduling(v1::Scheduling scheduling) {
   if (scheduling.user().empty()) scheduling.set_user(kAnonymous);
+  scheduling.clear_gaps();
   absl::Status status = CheckPriority(scheduling.priority());
   status.Update(CheckText("user", scheduling.user(), 1, kMaxNameBytes));
   status.Update(CheckText("name", scheduling.name(), 0, kMaxNameBytes));

@@ -44,7 +44,8 @@ struct JobRecord {
   v1::JobSpec spec;
   v1::Scheduling scheduling;
   Owner owner;
-  /// JOB_STATE_SUBMITTED for every job that has not ended; otherwise DONE, FAILED or CANCELLED.
+  /// JOB_STATE_SUBMITTED for every job that has not ended; otherwise DONE, DONE_WITH_GAPS, FAILED or
+  /// CANCELLED.
   v1::JobState state = v1::JOB_STATE_SUBMITTED;
   std::string error;
   /// Empty until a unit of the job is committed.
@@ -97,6 +98,14 @@ struct JobPage {
   std::vector<DamagedJob> damaged;
   /// nullopt on the last page.
   std::optional<int64_t> next;
+};
+
+/// What a job that runs again is from now on.
+struct Reopening {
+  v1::JobSpec spec;
+  v1::Scheduling scheduling;
+  /// Frames that are not recorded and have no units.
+  std::vector<int32_t> frames;
 };
 
 /// A committed unit: who rendered it, the position of its record and its statistics.
@@ -196,12 +205,11 @@ class JobStore {
   /// Ends a job. Its units are no longer visited, and PurgeUnits deletes their rows; its counts stay. No
   /// effect on a job that has ended.
   virtual absl::Status EndJob(const OwnedJob& job, v1::JobState state, const std::string& error) = 0;
-  /// Makes a job active with this spec, where `frames` are not recorded and have no units; the counts of the
-  /// job are those of its other frames. If nothing of the job is left, it has no numeric class. A job that
-  /// has ended becomes that of `owner`; one that has not must already be.
+  /// Makes a job active; its counts are those of the other frames. If nothing of the job is left, it has no
+  /// numeric class. A job that has ended becomes that of `owner`; one that has not must already be.
   /// Errors: kAborted also where the job that has ended belonged to a later epoch.
-  virtual absl::Status ReopenFrames(const job::JobId& job, const Owner& owner, const v1::JobSpec& spec,
-                                    absl::Span<const int32_t> frames) = 0;
+  virtual absl::Status ReopenFrames(const job::JobId& job, const Owner& owner,
+                                    const Reopening& reopening) = 0;
   virtual absl::Status SetScheduling(const OwnedJob& job, const v1::Scheduling& scheduling) = 0;
   /// Gives a job its plan: `planned` replaces its spec. A request with the spec that was submitted still
   /// finds the job.

@@ -34,8 +34,7 @@ class SqlJobStore final : public JobStore {
   absl::Status RecordFrame(const OwnedJob& job, int32_t frame, const v1::FrameReport& report) override;
   absl::StatusOr<std::vector<int32_t>> FinishedFrames(const JobId& job) override;
   absl::Status EndJob(const OwnedJob& job, v1::JobState state, const std::string& error) override;
-  absl::Status ReopenFrames(const JobId& job, const Owner& owner, const v1::JobSpec& spec,
-                            absl::Span<const int32_t> frames) override;
+  absl::Status ReopenFrames(const JobId& job, const Owner& owner, const Reopening& reopening) override;
   absl::Status SetScheduling(const OwnedJob& job, const v1::Scheduling& scheduling) override;
   absl::Status SetPlan(const OwnedJob& job, const v1::JobSpec& planned) override;
   absl::Status DeleteJob(const JobId& job) override;
@@ -169,14 +168,12 @@ absl::Status SqlJobStore::EndJob(const OwnedJob& job, v1::JobState state, const 
   });
 }
 
-absl::Status SqlJobStore::ReopenFrames(const JobId& job, const Owner& owner, const v1::JobSpec& spec,
-                                       absl::Span<const int32_t> frames) {
+absl::Status SqlJobStore::ReopenFrames(const JobId& job, const Owner& owner, const Reopening& reopening) {
   return ChangeJob(job, [&](SqlConnection& db, const LockedJob& row) {
     // A job that has ended belongs to nobody; but a coordinator of an earlier epoch would repeat its
     // attempts.
     const bool is_owned = row.has_ended ? row.epoch <= owner.epoch : row.epoch == owner.epoch;
-    return is_owned ? ReopenJob(db, row.number, owner, spec, frames)
-                    : OtherOwner(job, row.epoch, owner.epoch);
+    return is_owned ? ReopenJob(db, row.number, owner, reopening) : OtherOwner(job, row.epoch, owner.epoch);
   });
 }
 

@@ -82,6 +82,7 @@ std::string RequestDigest(const v1::JobSpec& spec, const v1::Scheduling& schedul
   v1::Scheduling requested = scheduling;
   requested.clear_trace_id();  // of the call, not of the request
   requested.clear_turn_ms();
+  requested.clear_gaps();
   XXH3_state_t* const state = XXH3_createState();
   XXH3_128bits_reset(state);
   AppendHashed(state, job::UnplannedSpec(spec).SerializeAsString());

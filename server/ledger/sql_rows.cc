@@ -150,14 +150,15 @@ absl::Status ClaimJobs(SqlConnection& db, const Owner& owner, ClaimedJobs* claim
   return absl::OkStatus();
 }
 
-absl::Status ReopenJob(SqlConnection& db, int64_t job, const Owner& owner, const v1::JobSpec& spec,
-                       absl::Span<const int32_t> frames) {
-  for (const int32_t frame : frames) {
+absl::Status ReopenJob(SqlConnection& db, int64_t job, const Owner& owner, const Reopening& reopening) {
+  for (const int32_t frame : reopening.frames) {
     if (absl::Status status = DiscardFilms(db, job, "frame = $2", {frame}); !status.ok()) return status;
   }
-  const SpecBytes bytes = BytesOfSpec(spec);
+  const SpecBytes bytes = BytesOfSpec(reopening.spec);
   return db.Run(
-      "UPDATE jobs SET state = $1, error = '', owner = $2, epoch = $3, spec = $4, files = $5,"
+      "UPDATE jobs SET state = $1, error = '', owner = $2, epoch = $3, spec = $4, files = $5, scheduling = "
+      "$7,"
+      " user_name = $8,"
       " units_done = (SELECT COALESCE(SUM(units), 0) FROM films WHERE job = $6),"
       " samples_done = (SELECT COALESCE(SUM(samples), 0) FROM films WHERE job = $6),"
       " bad_samples = (SELECT COALESCE(SUM(films.bad_samples), 0) FROM films WHERE job = $6),"
@@ -165,7 +166,8 @@ absl::Status ReopenJob(SqlConnection& db, int64_t job, const Owner& owner, const
       " numeric_class = CASE WHEN EXISTS (SELECT 1 FROM films WHERE job = $6 AND (finished = 1 OR units > 0))"
       " THEN numeric_class ELSE '' END WHERE number = $6",
       {int64_t{v1::JOB_STATE_SUBMITTED}, owner.name, owner.epoch.value(), SqlBytes{bytes.spec},
-       SqlBytes{bytes.files}, job});
+       SqlBytes{bytes.files}, job, SqlBytes{reopening.scheduling.SerializeAsString()},
+       reopening.scheduling.user()});
 }
 
 absl::Status RemoveJob(SqlConnection& db, int64_t job) {

@@ -26,8 +26,7 @@ absl::StatusOr<std::optional<job::JobId>> QueryRequest(SqlConnection& db, const 
 /// JobStore::ClaimUnfinishedJobs.
 absl::Status ClaimJobs(SqlConnection& db, const Owner& owner, ClaimedJobs* claimed);
 /// Makes a job active as in JobStore::ReopenFrames.
-absl::Status ReopenJob(SqlConnection& db, int64_t job, const Owner& owner, const v1::JobSpec& spec,
-                       absl::Span<const int32_t> frames);
+absl::Status ReopenJob(SqlConnection& db, int64_t job, const Owner& owner, const Reopening& reopening);
 /// Removes all rows of a job; those of its units become garbage.
 absl::Status RemoveJob(SqlConnection& db, int64_t job);
 

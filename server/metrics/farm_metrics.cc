@@ -29,7 +29,7 @@ MetricFamily WorkersOf(const FarmMetrics& metrics) {
   std::map<std::string, double> counts;
   for (const v1::WorkerState state :
        {v1::WORKER_STATE_IDLE, v1::WORKER_STATE_BUSY, v1::WORKER_STATE_DRAINING, v1::WORKER_STATE_SILENT,
-        v1::WORKER_STATE_SET_ASIDE, v1::WORKER_STATE_BLOCKED})
+        v1::WORKER_STATE_RESTING, v1::WORKER_STATE_SET_ASIDE, v1::WORKER_STATE_BLOCKED})
     counts[LabelOf(v1::WorkerState_Name(state), "WORKER_STATE_")] = CountOf(metrics.workers, state);
   return GaugeBy("state", "lumifold_workers", "Workers that are connected.", counts);
 }

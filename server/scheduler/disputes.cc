@@ -1,8 +1,10 @@
 #include "server/scheduler/disputes.h"
 
 #include <limits>
+#include <optional>
 
 #include "absl/strings/str_cat.h"
+#include "server/job/plan.h"
 
 namespace lumifold::scheduler {
 
@@ -39,11 +41,14 @@ bool Disputes::CanAskAnother(const State& state, const UnitIndex& unit) {
 }
 
 void Disputes::Fail(const UnitIndex& unit, const Evidence::Record& record) {
-  const job::JobId& id = state_->jobs.Get(unit.job).id;
+  const Job& job = state_->jobs.Get(unit.job);
+  const job::JobId& id = job.id;
   for (const FailedJob& failed : state_->failed) {
     if (failed.job == id) return;
   }
-  state_->failed.push_back({id, record.last_error});
+  std::optional<int32_t> frame;
+  if (!job::NeedsPlan(job.units.spec())) frame = job.units.frames().NumberOf(unit.place.frame);
+  state_->failed.push_back({id, record.last_error, frame});
 }
 
 }  // namespace lumifold::scheduler

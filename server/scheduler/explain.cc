@@ -6,10 +6,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -54,6 +56,18 @@ std::string BusiestUsers(const State& state) {
   });
 }
 
+/// ": w-3 off hours until 19:00, w-7 ..."; empty where no worker that may render the job rests.
+std::string Resting(const State& state, const Requirement& requirement) {
+  std::vector<std::string> names;
+  for (const WorkerId id : state.workers.After(WorkerId(0), std::numeric_limits<int>::max())) {
+    const Worker& worker = *state.workers.Find(id);
+    if (worker.rest.empty() || !requirement.Admits(state.workers.KindOf(worker.kind))) continue;
+    names.push_back(absl::StrCat(worker.traits.name, " ", worker.rest));
+    if (names.size() == kMaxNames) break;
+  }
+  return names.empty() ? "" : absl::StrCat(": ", absl::StrJoin(names, ", "));
+}
+
 void ExplainWorkers(const State& state, const Job& job, std::vector<Reason>* reasons) {
   const Requirement& requirement = state.RequirementOf(job);
   const KindCounts workers = state.workers.Count(requirement);
@@ -64,10 +78,10 @@ void ExplainWorkers(const State& state, const Job& job, std::vector<Reason>* rea
     return;
   }
   if (workers.available == 0) {
-    reasons->push_back(
-        {"worker_unavailable",
-         absl::StrCat("all ", workers.connected, " connected workers of ", Describe(requirement),
-                      " are blocked, draining, set aside (", workers.cooling, ") or silent")});
+    reasons->push_back({"worker_unavailable",
+                        absl::StrCat("all ", workers.connected, " connected workers of ",
+                                     Describe(requirement), " are blocked, draining, resting, set aside (",
+                                     workers.cooling, ") or silent", Resting(state, requirement))});
     return;
   }
   if (state.ready.Get(job.number) == Readiness::kNone || workers.busy < workers.slots) return;

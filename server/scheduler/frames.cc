@@ -4,6 +4,8 @@
 #include <optional>
 #include <utility>
 
+#include "server/job/plan.h"
+
 namespace lumifold::scheduler {
 
 using job::FrameRounds;
@@ -20,7 +22,7 @@ bool Frames::SetRounds(const JobId& id, int32_t frame_number, std::shared_ptr<co
   Job* job = state_->jobs.Find(id);
   if (job == nullptr || job->units.first_rounds() == nullptr) return false;
   const std::optional<int> frame = job->units.frames().IndexOf(frame_number);
-  if (!frame.has_value() || job->frames.IsFinished(*frame)) return false;
+  if (!frame.has_value() || job->frames.IsOver(*frame)) return false;
   Open(*job, *frame);
   const std::vector<Place> added = job->frames.SetRounds(*frame, std::move(rounds), job->units);
   for (const Place& place : added) job->free.Return(place);
@@ -76,7 +78,7 @@ bool Frames::Finish(const JobId& id, int32_t frame_number) {
   ReleaseDeliverers(*frame);
   job->frames.Finish(*index);
   if (!job->paused) state_->ready.CountFrames(job->number, -1);
-  return job->frames.finished_count() == job->units.frames().count();
+  return job->frames.AreAllOver();
 }
 
 bool Frames::RestoreFinished(const JobId& id, int32_t frame_number) {
@@ -87,6 +89,16 @@ bool Frames::RestoreFinished(const JobId& id, int32_t frame_number) {
   job->frames.RestoreFinished(*frame, job->units);
   state_->UpdateReady(*job);
   return true;
+}
+
+void Frames::Skip(const JobId& id, int32_t frame_number) {
+  Job* job = state_->jobs.Find(id);
+  if (job == nullptr || job::NeedsPlan(job->units.spec())) return;
+  const std::optional<int> frame = job->units.frames().IndexOf(frame_number);
+  if (!frame.has_value() || job->frames.IsOver(*frame)) return;
+  job->frames.Skip(*frame);
+  job->units.AddLater(-job->units.ordered());
+  state_->UpdateReady(*job);
 }
 
 FrameState& Frames::Open(Job& job, int frame) {

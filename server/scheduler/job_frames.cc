@@ -33,7 +33,7 @@ const FrameState* JobFrames::Find(int frame) const {
 
 FrameState& JobFrames::Open(int frame, const JobUnits& units) {
   const auto [it, is_new] = active_.try_emplace(frame);
-  LUMIFOLD_CHECK(is_new && !IsFinished(frame));
+  LUMIFOLD_CHECK(is_new && !IsOver(frame));
   FrameState& state = it->second;
   state.taken.resize(static_cast<size_t>(units.of_frame().count()));
   state.deliverers.resize(static_cast<size_t>(units.of_frame().count()));
@@ -46,14 +46,20 @@ FrameState& JobFrames::Open(int frame, const JobUnits& units) {
 void JobFrames::Finish(int frame) {
   LUMIFOLD_CHECK(active_.erase(frame) == 1);
   committed_.erase(frame);
-  finished_[static_cast<size_t>(frame)] = true;
+  over_[static_cast<size_t>(frame)] = true;
   ++finished_count_;
+}
+
+void JobFrames::Skip(int frame) {
+  LUMIFOLD_CHECK(!IsActive(frame) && !IsOver(frame));
+  over_[static_cast<size_t>(frame)] = true;
+  ++skipped_count_;
 }
 
 void JobFrames::RestoreFinished(int frame, const JobUnits& units) {
   LUMIFOLD_CHECK(!IsActive(frame));  // finished frames are restored first
-  if (IsFinished(frame)) return;
-  finished_[static_cast<size_t>(frame)] = true;
+  if (IsOver(frame)) return;
+  over_[static_cast<size_t>(frame)] = true;
   ++finished_count_;
   committed_units_ += units.ordered();
   const v1::JobSpec& spec = units.spec();
@@ -86,7 +92,7 @@ TileSamples JobFrames::SamplesOf(const Place& place, const JobUnits& units) cons
 }
 
 bool JobFrames::HasResult(const Place& place) const {
-  if (IsFinished(place.frame)) return true;
+  if (IsOver(place.frame)) return true;
   const FrameState* frame = Find(place.frame);
   return frame != nullptr && frame->taken[static_cast<size_t>(place.number)];
 }

@@ -30,7 +30,7 @@ struct FrameState {
 /// Threads: one at a time.
 class JobFrames {
  public:
-  explicit JobFrames(int count) : finished_(static_cast<size_t>(count)) {}
+  explicit JobFrames(int count) : over_(static_cast<size_t>(count)) {}
 
   const std::map<int, FrameState>& active() const { return active_; }
   bool IsActive(int frame) const { return active_.contains(frame); }
@@ -39,10 +39,15 @@ class JobFrames {
   const FrameState* Find(int frame) const;
   /// Makes a frame active that is neither active nor finished. O(units of a frame).
   FrameState& Open(int frame, const JobUnits& units);
-  bool IsFinished(int frame) const { return finished_[static_cast<size_t>(frame)]; }
   int finished_count() const { return finished_count_; }
   /// The active frame's result is written.
   void Finish(int frame);
+  /// The frame, which is neither active nor finished, is left out.
+  void Skip(int frame);
+  int skipped_count() const { return skipped_count_; }
+  /// Whether nothing is left to do for a frame: it is finished or skipped.
+  bool IsOver(int frame) const { return over_[static_cast<size_t>(frame)]; }
+  bool AreAllOver() const { return finished_count_ + skipped_count_ == static_cast<int>(over_.size()); }
   /// The frame, which is not active, was finished before a restart: its units count as committed.
   void RestoreFinished(int frame, const JobUnits& units);
 
@@ -70,8 +75,9 @@ class JobFrames {
 
   std::map<int, FrameState> active_;
   std::set<int> committed_;
-  std::vector<bool> finished_;
+  std::vector<bool> over_;
   int finished_count_ = 0;
+  int skipped_count_ = 0;
   int64_t committed_units_ = 0;
   int64_t committed_samples_ = 0;
 };

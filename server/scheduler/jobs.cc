@@ -71,7 +71,8 @@ JobProgress Jobs::Progress(const JobId& id) const {
   const Job& job = state_->jobs.Get(id);
   const v1::JobSpec& spec = job.units.spec();
   const bool needs_plan = job::NeedsPlan(spec);
-  const int frames = needs_plan ? job::FrameList(spec).count() : job.units.frames().count();
+  const int all_frames = needs_plan ? job::FrameList(spec).count() : job.units.frames().count();
+  const int frames = all_frames - job.frames.skipped_count();
   const AuditBook::Counts audits = state_->audits.CountsOf(job.number);
   JobProgress progress;
   progress.units_done = job.frames.committed_units();
@@ -79,13 +80,14 @@ JobProgress Jobs::Progress(const JobId& id) const {
   progress.samples_done = job.frames.committed_samples();
   progress.samples_total = int64_t{spec.width()} * spec.height() * spec.samples_per_pixel() * frames;
   progress.frames_done = job.frames.finished_count();
-  progress.frames_total = frames;
+  progress.frames_skipped = job.frames.skipped_count();
+  progress.frames_total = all_frames;
   progress.workers = static_cast<int>(job.leases.holders.size());
   progress.leases = job.leases.count;
   progress.audits_settled = audits.settled;
   progress.audits_waived = audits.waived;
   const bool started = job.is_bound || progress.units_done > 0 || progress.leases > 0;
-  if (progress.frames_done == frames) {
+  if (job.frames.AreAllOver()) {
     progress.state = v1::JOB_STATE_DONE;
   } else if (job.paused) {
     progress.state = v1::JOB_STATE_PAUSED;

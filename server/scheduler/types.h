@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -144,6 +145,8 @@ struct GrantedLease {
 struct FailedJob {
   job::JobId job;
   std::string error;
+  /// Of the unit; nullopt for a plan unit.
+  std::optional<int32_t> frame;
 };
 
 /// What a worker says of a unit that it could not render.
@@ -252,6 +255,7 @@ struct JobProgress {
   int64_t samples_done = 0;
   int64_t samples_total = 0;
   int frames_done = 0;
+  int frames_skipped = 0;  // samples_total and units_total do not have theirs
   int frames_total = 0;
   int workers = 0;
   int64_t leases = 0;

@@ -211,7 +211,7 @@ bool Units::Restore(const JobId& id, const RestoredUnit& unit, absl::Time now) {
   const std::optional<UnitIndex> index = state_->jobs.IndexOf({id, unit.key});
   if (!index.has_value()) return false;
   Job& job = state_->jobs.Get(index->job);
-  if (job.frames.IsFinished(index->place.frame)) return true;  // counted with its frame
+  if (job.frames.IsOver(index->place.frame)) return true;  // counted with its frame
   FrameState& frame = frames_->Open(job, index->place.frame);
   const auto number = static_cast<size_t>(index->place.number);
   if (frame.rounds != nullptr && !frame.rounds->Has(unit.key)) return false;

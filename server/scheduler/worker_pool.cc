@@ -14,6 +14,7 @@ v1::WorkerState StateOf(const Worker& worker) {
   if (worker.draining) return v1::WORKER_STATE_DRAINING;
   if (worker.IsCooling()) return v1::WORKER_STATE_SET_ASIDE;
   if (worker.unresponsive) return v1::WORKER_STATE_SILENT;
+  if (!worker.rest.empty()) return v1::WORKER_STATE_RESTING;
   return worker.busy > 0 ? v1::WORKER_STATE_BUSY : v1::WORKER_STATE_IDLE;
 }
 

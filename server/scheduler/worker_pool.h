@@ -35,6 +35,7 @@ struct Worker {
   bool unresponsive = false;  // a lease expired and no heartbeat came since
   bool reserved = false;      // for a unit in quarantine
   bool draining = false;
+  std::string rest;  // why it takes no leases for now; empty: it takes them
   bool blocked = false;
   absl::Time cools_until = absl::InfinitePast();  // InfinitePast unless it cools down, see WorkerHealth
   int64_t last_job = -1;                          // of its last lease; -1: none
@@ -47,7 +48,7 @@ struct Worker {
   LeaseAhead ahead;
 
   bool IsCooling() const { return cools_until != absl::InfinitePast(); }
-  bool IsAvailable() const { return !unresponsive && !draining && !blocked && !IsCooling(); }
+  bool IsAvailable() const { return !unresponsive && !draining && rest.empty() && !blocked && !IsCooling(); }
   bool IsFree() const {
     return IsAvailable() && !reserved && busy < traits.slots + ahead.Leases(traits.slots);
   }
@@ -68,8 +69,8 @@ struct KindCounts {
 /// The connected workers, and which of them can take a unit. Workers of equal class and tags are of one kind;
 /// kinds have numbers from 0 on. A call takes O(log n) unless it says otherwise.
 ///
-/// A worker is available unless it is unresponsive, draining, blocked or cooling down; it is free if it is
-/// available, not reserved, and has a free slot.
+/// A worker is available unless it is unresponsive, draining, resting, blocked or cooling down; it is free if it
+/// is available, not reserved, and has a free slot.
 ///
 /// Threads: one at a time.
 class WorkerPool {

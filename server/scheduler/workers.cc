@@ -58,6 +58,11 @@ void Workers::Drain(WorkerId worker) {
   state_->workers.Change(worker, [](Worker& changed) { changed.draining = true; });
 }
 
+void Workers::Rest(WorkerId worker, const std::string& reason) {
+  if (!reason.empty()) state_->quarantine.Cancel(worker);
+  state_->workers.Change(worker, [&reason](Worker& changed) { changed.rest = reason; });
+}
+
 void Workers::Block(const std::string& name, const std::string& reason) {
   state_->health.Block(name, reason);
   for (const WorkerId worker : state_->workers.Named(name)) {
@@ -77,6 +82,7 @@ WorkerInfo Workers::InfoOf(WorkerId id, const Worker& worker) const {
   WorkerInfo info{.worker = id, .traits = worker.traits, .state = StateOf(worker)};
   const auto blocked = state_->health.blocked().find(worker.traits.name);
   info.reason = blocked == state_->health.blocked().end() ? CoolDownReason(id) : blocked->second;
+  if (info.reason.empty()) info.reason = worker.rest;
   std::set<job::JobId> jobs;
   for (const Attempt attempt : state_->leases.OfWorker(id)) {
     ++info.leases;

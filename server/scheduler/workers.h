@@ -37,6 +37,8 @@ class Workers {
 
   /// Grants the worker no more leases; it finishes those it has.
   void Drain(job::WorkerId worker);
+  /// The worker takes no leases for now, or takes them again: then `reason` is empty.
+  void Rest(job::WorkerId worker, const std::string& reason);
   /// Revokes the leases of the workers with this name and grants them none until Readmit, those that connect
   /// later included.
   void Block(const std::string& name, const std::string& reason);

@@ -84,6 +84,9 @@ absl::Status WorkerSession::Handle(v1::WorkerMessage* message) {
     case v1::WorkerMessage::kLeaving:
       workers_->OnLeaving(worker_, rpc::BoundedLine(message->leaving().reason(), rpc::kMaxReasonBytes));
       return absl::OkStatus();
+    case v1::WorkerMessage::kRest:
+      workers_->OnRest(worker_, rpc::BoundedLine(message->rest().reason(), rpc::kMaxReasonBytes));
+      return absl::OkStatus();
     default:
       return absl::InvalidArgumentError("worker stream: a second Hello, or an unknown message");
   }

@@ -317,7 +317,8 @@ void Janitor::FindDeletions() {
 void Janitor::FindEndedJobs() {
   ledger::JobFilter filter;
   filter.limit = kPageSize;
-  filter.states = {v1::JOB_STATE_DONE, v1::JOB_STATE_FAILED, v1::JOB_STATE_CANCELLED};
+  filter.states = {v1::JOB_STATE_DONE, v1::JOB_STATE_DONE_WITH_GAPS, v1::JOB_STATE_FAILED,
+                   v1::JOB_STATE_CANCELLED};
   while (true) {
     const absl::StatusOr<ledger::JobPage> page = store_->ListJobs(filter);
     if (!page.ok()) return;  // films stay until the next start

@@ -74,19 +74,20 @@ absl::Status RetireJob(const DataFolder& folder, const job::JobId& job, v1::JobS
   return RemoveAll(folder.ManifestPath(job), folder.files());
 }
 
-absl::Status UnretireJob(const DataFolder& folder, const ledger::JobRecord& record, const v1::JobSpec& spec) {
+absl::Status UnretireJob(const DataFolder& folder, const ledger::JobRecord& record) {
   absl::StatusOr<v1::JobManifest> manifest = ReadManifest(folder.ManifestPath(record.id));
   if (absl::IsNotFound(manifest.status())) manifest = ReadManifest(folder.EndedManifestPath(record.id));
   if (absl::IsUnavailable(manifest.status())) return manifest.status();
   if (!manifest.ok()) {  // damaged, or of a version without manifests
     manifest = ManifestOf({.id = record.id,
                            .request_id = absl::StrCat("of ", record.id.value()),
-                           .spec = spec,
+                           .spec = record.spec,
                            .scheduling = record.scheduling,
                            .submitted = record.submitted,
                            .owner = record.owner});
   }
-  *manifest->mutable_spec() = spec;
+  *manifest->mutable_spec() = record.spec;
+  *manifest->mutable_scheduling() = record.scheduling;
   manifest->clear_end_state();
   manifest->clear_error();
   if (absl::Status status = WriteManifest(folder, *manifest); !status.ok()) return status;

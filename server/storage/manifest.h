@@ -32,10 +32,10 @@ absl::Status RewriteManifest(const DataFolder& folder, const job::JobId& job, co
 absl::Status RetireJob(const DataFolder& folder, const job::JobId& job, v1::JobState end_state,
                        const std::string& error);
 
-/// Moves the manifest of a job that has ended back to its film, with this spec: the job runs again. Can be
-/// repeated. `record` is its row.
+/// Moves the manifest of a job that has ended back to its film: the job runs again. Can be repeated. `record`
+/// is its row, with spec and scheduling as they are from now on.
 /// Errors: kUnavailable naming the file.
-absl::Status UnretireJob(const DataFolder& folder, const ledger::JobRecord& record, const v1::JobSpec& spec);
+absl::Status UnretireJob(const DataFolder& folder, const ledger::JobRecord& record);
 
 /// Reads a manifest.
 /// Errors: kNotFound; kDataLoss where it is damaged; kUnavailable. All name the file.

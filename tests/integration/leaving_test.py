@@ -59,6 +59,35 @@ class LeavingTest(unittest.TestCase):
             for event in ("unit_in_quarantine", "unit_failed", "lease_expired", "unit_not_wanted"):
                 self.assertNotIn(f"event={event}", log)
 
+    def test_a_worker_rests_outside_its_hours(self):
+        hour = time.localtime().tm_hour
+        off = f"{(hour + 2) % 24:02}:00-{(hour + 3) % 24:02}:00"
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            job = self.submit(farm, *SHORT)
+            worker = farm.start_worker("--hours", off)
+
+            def listed():
+                lines = farm.client("workers", "--json").stdout.splitlines()
+                return json.loads(lines[0]) if lines else {}
+
+            wait_until(lambda: listed().get("state") == "resting", "the worker rests")
+            self.assertEqual(listed()["reason"], f"off hours until {off[:5]}")
+            reasons = json.loads(farm.client("explain", job, "--json").stdout)["reasons"]
+            self.assertIn(f"off hours until {off[:5]}", reasons[0]["text"])
+            self.assertEqual(farm.status(job)["units_done"], 0)
+            self.assertEqual(worker.stop(), 0, worker.log_text())
+            farm.start_worker("--hours", f"00:00-24:00,{off}")
+            farm.client("wait", job)
+
+    def test_a_worker_whose_machine_others_use_hands_its_units_back(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            job = self.submit(farm, *NO_END)
+            resting = farm.start_worker("--only-idle", "0.01", "--drain-seconds", "0")
+            farm.start_worker()  # uses the machine
+            self.wait_for_lease(farm, job)
+            wait_until(lambda: "others use this machine" in resting.log_text(), "the load is known", seconds=60)
+            self.assertTrue(resting.is_running())
+
     def test_units_that_are_nearly_done_are_delivered(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
             job = self.submit(farm, *SETTINGS)

@@ -13,6 +13,7 @@ import time
 import unittest
 
 from farm import Farm, make_scene, run, wait_until
+from gltf import animate
 
 FEW, MANY = 96, 200  # passes of 64 samples: 64 and 32; 64, 64, 64 and 8
 SETTINGS = ["--size", "64x48", "--seed", "5", "--save-film"]
@@ -122,6 +123,37 @@ class LifeTest(unittest.TestCase):
             self.assertGreaterEqual(farm.status(job)["units_done"], done)
             self.kill_server_sometime(farm, 7)
             self.expect_picture(farm, job, MANY)
+
+    def test_frames_that_cannot_be_rendered_are_skipped(self):
+        """A block leaves the largest scene that is allowed from frame 3 on. Coordinators are killed meanwhile."""
+        moving = animate(self.scene, self.root / "leaving.glb", "short block", 24 * 4e8)
+        settings = [*SETTINGS, "--spp", 2, "--frames", "0-4", "--reproducible"]
+        with self.farm(workers=2) as farm:
+            job = farm.client("submit", moving, *settings[:-1]).stdout.strip()
+            self.assertEqual(farm.client("wait", job, check=False).returncode, 1)
+            self.assertIn("geometry reaches beyond", farm.status(job)["error"])
+            farm.client("retry", job, "--skip")
+            self.kill_server_sometime(farm, 5)
+            waited = farm.client("wait", job, check=False)
+            self.assertEqual((waited.returncode, waited.stdout), (6, "done-with-gaps\n"))
+            status = farm.status(job)
+            self.assertEqual((status["skipped"], status["frames_done"], status["frames_total"]), ("3-4", 3, 5))
+            farm.server.kill()
+            farm.start_server(listen=farm.address)
+            self.assertEqual(farm.status(job)["skipped"], "3-4")
+            pictures = self.root / "gaps.#.exr"
+            done = farm.client("download", job, *settings[-3:], "-o", pictures, check=False)
+            self.assertEqual(done.returncode, 6)
+            self.assertIn("no picture of the frames 3-4", done.stderr)
+            run("lumifold", "render", moving, *SETTINGS, "--spp", 2, "--frames", "0-2", "--threads", 2,
+                "--reproducible", "-o", self.root / "alone.#.exr")
+            for frame in range(3):
+                self.assertEqual((self.root / f"gaps.{frame}.exr").read_bytes(),
+                                 (self.root / f"alone.{frame}.exr").read_bytes())
+            self.assertFalse((self.root / "gaps.3.exr").exists())
+            farm.client("retry", job)
+            self.assertEqual(farm.client("wait", job, check=False).returncode, 1)
+            self.assertEqual(farm.status(job)["frames_done"], 3)
 
     def test_jobs_wait_for_each_other_over_restarts(self):
         with self.farm(workers=0) as farm:

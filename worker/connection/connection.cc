@@ -44,7 +44,9 @@ constexpr absl::Duration kWelcomeTimeout = absl::Seconds(20);
 /// Time for a worker that leaves to hear that its units are committed and no grant is under way, after it has
 /// handed back the others. A coordinator that takes longer finds the connection broken.
 constexpr absl::Duration kLeaveTimeout = absl::Seconds(20);
-/// Of `stop`, heartbeats and leaving.
+/// Time for units that an operator lets a worker finish. What takes longer is handed back.
+constexpr absl::Duration kLongestUnit = absl::Hours(24);
+/// Of `stop`, heartbeats, resting and leaving.
 constexpr absl::Duration kPollInterval = absl::Milliseconds(50);
 /// A stream that lasted this long was no refusal: the next pause is short.
 constexpr absl::Duration kSteadyStream = absl::Seconds(5);
@@ -229,6 +231,7 @@ class Connection {
         Await(trigger);
       } else {
         Leave(trigger);
+        Rest();
         SendHeartbeat();
       }
       if (stop.HasBeenNotified()) stream_->Cancel();
@@ -263,9 +266,19 @@ class Connection {
     if (!worker_.IsLeaving() && !worker_.IsMoving()) return;
     const absl::Time now = rpc::MonotonicNow();
     leaving_since_ = std::min(leaving_since_, now);
-    if (now - leaving_since_ >= options_.drain) worker_.HandBackUnfinished();
+    const absl::Duration drain = worker_.FinishesUnits() ? kLongestUnit : options_.drain;
+    if (now - leaving_since_ >= drain) worker_.HandBackUnfinished();
     if (worker_.HasLeft()) stream_->HalfClose();
-    if (now - leaving_since_ >= options_.drain + kLeaveTimeout) stream_->Cancel();
+    if (now - leaving_since_ >= drain + kLeaveTimeout) stream_->Cancel();
+  }
+
+  void Rest() {
+    if (options_.rest_reason == nullptr) return;
+    const std::string reason = options_.rest_reason();
+    worker_.Rest(reason);
+    const absl::Time now = rpc::MonotonicNow();
+    resting_since_ = reason.empty() ? absl::InfiniteFuture() : std::min(resting_since_, now);
+    if (now - resting_since_ >= options_.drain) worker_.HandBackUnfinished();
   }
 
   const WorkerOptions& options_;
@@ -275,6 +288,7 @@ class Connection {
   const absl::Time start_ = rpc::MonotonicNow();
   absl::Time next_heartbeat_ = start_ + kFirstHeartbeat;
   absl::Time leaving_since_ = absl::InfiniteFuture();
+  absl::Time resting_since_ = absl::InfiniteFuture();
   bool timed_out_ = false;
 };
 

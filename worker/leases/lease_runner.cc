@@ -97,6 +97,7 @@ void LeaseRunner::OnConnected(std::shared_ptr<Outbox> outbox) {
 void LeaseRunner::OnDisconnected() {
   absl::MutexLock lock(&mutex_);
   outbox_ = nullptr;
+  rest_.clear();
   units_.LoseConnection();
   specs_->Clear();
 }
@@ -113,7 +114,7 @@ void LeaseRunner::OnMessage(const v1::CoordinatorMessage& message) {
     case v1::CoordinatorMessage::kVoidLeases:
       return OnVoidLeases(message.void_leases());
     case v1::CoordinatorMessage::kDrain:
-      return BeginToLeave("drained");
+      return OnDrain(message.drain());
     case v1::CoordinatorMessage::kReleased:
       leave_.released = true;
       return;
@@ -136,8 +137,8 @@ void LeaseRunner::OnGrant(const v1::Grant& grant) {
     *answer.mutable_heartbeat()->mutable_held() = grant.leases();
     outbox_->Send(std::move(answer));
   }
-  // The coordinator has not heard yet that this worker leaves.
-  if (leave_.leaving || leave_.move.has_value()) HandBackWaiting();
+  // The coordinator has not heard yet that this worker leaves or rests.
+  if (leave_.leaving || leave_.move.has_value() || !rest_.empty()) HandBackWaiting();
 }
 
 template <typename Condition>
@@ -191,7 +192,30 @@ v1::Heartbeat LeaseRunner::MakeHeartbeat() const {
 
 void LeaseRunner::Leave(const std::string& reason) {
   absl::MutexLock lock(&mutex_);
+  leave_.finishes_units = false;
   BeginToLeave(reason);
+}
+
+bool LeaseRunner::FinishesUnits() const {
+  absl::MutexLock lock(&mutex_);
+  return leave_.finishes_units;
+}
+
+void LeaseRunner::OnDrain(const v1::Drain& drain) {
+  if (!leave_.leaving) leave_.finishes_units = drain.finish_units();
+  BeginToLeave("drained");
+}
+
+void LeaseRunner::Rest(const std::string& reason) {
+  absl::MutexLock lock(&mutex_);
+  if (reason == rest_ || outbox_ == nullptr) return;
+  rest_ = reason;
+  log_.log->info("event={} reason={} leases={}", reason.empty() ? "working" : "resting",
+                 logging::Quoted(reason), units_.held().size());
+  v1::WorkerMessage message;
+  message.mutable_rest()->set_reason(reason);
+  outbox_->Send(std::move(message));
+  if (!reason.empty()) HandBackWaiting();
 }
 
 void LeaseRunner::BeginToLeave(const std::string& reason) {

@@ -70,8 +70,13 @@ class LeaseRunner {
   /// A heartbeat with the leases that are not acknowledged, their progress, and the highest attempt received.
   v1::Heartbeat MakeHeartbeat() const;
 
-  /// Begins to leave, for this reason (see v1::Leaving). Later calls have no effect.
+  /// Begins to leave, for this reason (see v1::Leaving). Later calls only end the patience of a drain.
   void Leave(const std::string& reason);
+  /// Whether an operator wants it to leave after its units, however long they take.
+  bool FinishesUnits() const;
+  /// Takes no leases for now, and hands back those that wait for a thread; an empty reason: takes them again. To be
+  /// called again on each connection.
+  void Rest(const std::string& reason);
   bool IsLeaving() const;
   bool IsMoving() const;
   /// The address to move to, if the coordinator has sent one, or an empty text for any other; it is forgotten
@@ -93,6 +98,7 @@ class LeaseRunner {
   struct LeaveState {
     bool leaving = false;
     bool released = false;  // the coordinator has answered: no grant is under way
+    bool finishes_units = false;
     std::optional<v1::Move> move;
   };
 
@@ -104,6 +110,7 @@ class LeaseRunner {
   void OnVoidLeases(const v1::VoidLeases& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void OnJobEnded(const std::string& job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void OnMove(const v1::Move& move) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void OnDrain(const v1::Drain& drain) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void BeginToLeave(const std::string& reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   /// Renders a unit, or finishes a frame, and delivers it.
@@ -134,6 +141,7 @@ class LeaseRunner {
   mutable absl::Mutex mutex_;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
   LeaveState leave_ ABSL_GUARDED_BY(mutex_);
+  std::string rest_ ABSL_GUARDED_BY(mutex_);  // as the coordinator knows it
   std::shared_ptr<Outbox> outbox_ ABSL_GUARDED_BY(mutex_);
   HeldUnits units_ ABSL_GUARDED_BY(mutex_);
   monitoring::WorkerMetrics totals_ ABSL_GUARDED_BY(mutex_);  // what only grows

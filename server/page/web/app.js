@@ -5,7 +5,7 @@ import {JobEntry, fillList, make, problemsOf, serverFacts, workerItem} from "/fa
 import {Strip, framesOf} from "/frames.js";
 import {actionsOf, ask, explain, fillLayers, followPreview, showFacts, showLog} from "/job.js";
 import {Viewer} from "/viewer.js";
-import {TimeLeft, progressOf, stateOf} from "/words.js";
+import {TimeLeft, isDone, progressOf, stateOf} from "/words.js";
 
 const $ = (id) => document.getElementById(id);
 const state = {
@@ -75,13 +75,13 @@ function showFarm() {
 
 function workerActions(worker) {
   const id = worker.worker_id || worker.name;
-  const button = (text, method, question) => {
+  const button = (text, method, question, fields = {}) => {
     const element = make("button", {type: "button", text});
-    element.addEventListener("click", () => act(method, {worker: id}, question));
+    element.addEventListener("click", () => act(method, {worker: id, ...fields}, question));
     return element;
   };
-  if (["WORKER_STATE_IDLE", "WORKER_STATE_BUSY"].includes(worker.state))
-    return [button("Drain", "DrainWorker", "Let the worker finish its units and leave?"),
+  if (["WORKER_STATE_IDLE", "WORKER_STATE_BUSY", "WORKER_STATE_RESTING"].includes(worker.state))
+    return [button("Stop", "DrainWorker", "Let the worker finish its units and end?", {finish_units: true}),
       button("Block", "BlockWorker", "Give the worker no more units?")];
   return [button("Readmit", "ReadmitWorker")];
 }
@@ -172,7 +172,7 @@ function expose(value) {
   viewer.draw();
 }
 
-const isOver = (job) => ["done", "failed"].includes(stateOf(job));
+const isOver = (job) => isDone(job) || stateOf(job) === "failed";
 
 /** The picture of a job that runs again is followed again. */
 function takeJob(job) {

@@ -18,7 +18,7 @@ export function fillList(list, items) {
 const WORKER_STATES = {
   WORKER_STATE_IDLE: "idle", WORKER_STATE_BUSY: "busy", WORKER_STATE_DRAINING: "draining",
   WORKER_STATE_SILENT: "silent",
-  WORKER_STATE_SET_ASIDE: "set aside", WORKER_STATE_BLOCKED: "blocked",
+  WORKER_STATE_SET_ASIDE: "set aside", WORKER_STATE_BLOCKED: "blocked", WORKER_STATE_RESTING: "resting",
 };
 
 export function nameOf(job) {
@@ -44,7 +44,7 @@ export class JobEntry {
     const percent = Math.floor(100 * progressOf(job));
     this.name.textContent = this.name.title = nameOf(job);
     this.state.textContent = state === "running" ? `${percent} %` : state;
-    this.state.className = `state ${state}`;
+    this.state.className = `state ${state.split(" ")[0]}`;
     this.bar.style.width = `${percent}%`;
     const parts = [job.scheduling?.user || "anonymous", job.job_id];
     if (state === "running" && left !== null) parts.unshift(`${duration(left)} left`);

@@ -2,7 +2,7 @@
 
 import {call, preview} from "/api.js";
 import {fillList, make, nameOf} from "/farm.js";
-import {duration, hasEnded, progressOf, stateOf} from "/words.js";
+import {duration, hasEnded, isDone, progressOf, stateOf} from "/words.js";
 
 const PAUSE_MS = 300;
 const LAYER_NAMES = {
@@ -48,17 +48,24 @@ export function fillLayers(select, layers, chosen) {
   select.value = chosen;
 }
 
+/** "17, 20-22" */
+function skippedFrames(job) {
+  return (job.scheduling?.gaps?.skipped ?? [])
+    .map(({first, count}) => (count > 1 ? `${first}-${first + count - 1}` : `${first}`)).join(", ");
+}
+
 export function showFacts(elements, job, left) {
   const state = stateOf(job);
   const percent = Math.floor(100 * progressOf(job));
   elements.title.textContent = nameOf(job);
   elements.state.textContent = state;
-  elements.state.className = `state ${state}`;
+  elements.state.className = `state ${state.split(" ")[0]}`;
   elements.progress.setAttribute("aria-valuenow", percent);
   elements.progress.firstElementChild.style.width = `${percent}%`;
   const facts = [`${job.width} × ${job.height}`, `${job.samples_per_pixel} samples`,
     `${job.units_done} of ${job.units_total} units`];
   if (job.frames_total > 1) facts.push(`${job.frames_done} of ${job.frames_total} frames`);
+  if (job.frames_skipped) facts.push(`${job.frames_skipped} skipped: ${skippedFrames(job)}`);
   if (job.frames_filtering) facts.push(`${job.frames_filtering} in the filter`);
   if (job.frames_waiting) facts.push(`${job.frames_waiting} waiting for it`);
   if (job.workers) facts.push(`${job.workers} ${job.workers === 1 ? "worker" : "workers"}`);
@@ -82,8 +89,16 @@ export function actionsOf(job) {
     actions.push(["Priority", "SetJobPriority", {}, "Priority of the job, -100 to 100", priority]);
     actions.push(["Cancel", "CancelJob", {}, "Cancel the job? What is rendered so far is lost."]);
   }
-  if (state === "failed") actions.push(["Retry", "RetryJob", {}, "Render what failed again?"]);
-  if (state === "done" && !job.adaptive) {
+  if (state === "failed") {
+    actions.push(["Retry", "RetryJob", {}, "Render what failed again?"]);
+    if (job.frames_total > 1) {
+      actions.push(["Skip", "RetryJob", {skip: true}, "Go on without the frames that cannot be rendered?"]);
+    }
+  }
+  if (state === "done with gaps") {
+    actions.push(["Retry", "RetryJob", {}, "Render the skipped frames?"]);
+  }
+  if (isDone(job) && !job.adaptive) {
     const samples = ["samples_per_pixel", 2 * job.samples_per_pixel];
     actions.push(["More samples", "AddSamples", {}, "Samples of a pixel, in all", samples]);
   }

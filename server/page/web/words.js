@@ -4,12 +4,15 @@ export const STATES = {
   JOB_STATE_SUBMITTED: "submitted", JOB_STATE_PLANNED: "planned", JOB_STATE_RUNNING: "running",
   JOB_STATE_FILTERING: "filtering",
   JOB_STATE_DONE: "done", JOB_STATE_FAILED: "failed", JOB_STATE_CANCELLED: "cancelled",
-  JOB_STATE_PAUSED: "paused",
+  JOB_STATE_PAUSED: "paused", JOB_STATE_DONE_WITH_GAPS: "done with gaps",
 };
-const ENDED = ["done", "failed", "cancelled"];
+const ENDED = ["done", "done with gaps", "failed", "cancelled"];
 
 export function stateOf(job) {
   return STATES[job.state] ?? job.state;
+}
+export function isDone(job) {
+  return ["done", "done with gaps"].includes(stateOf(job));
 }
 export function hasEnded(job) {
   return ENDED.includes(stateOf(job));
@@ -25,7 +28,7 @@ export function duration(seconds) {
 
 /** Part of a job's samples that is there, 0 to 1: units of a first pass are small. */
 export function progressOf(job) {
-  if (stateOf(job) === "done") return 1;
+  if (isDone(job)) return 1;
   const total = Number(job.samples_total);
   return total > 0 ? Math.min(1, Number(job.samples_done) / total) : 0;
 }

@@ -67,11 +67,26 @@ TEST(JobReport, NamesTheCoordinatorOfAFarmOfSeveral) {
   EXPECT_NE(JobJson(job, {}).find(R"("audit_share":0.0,"coordinator":"rack-2"})"), std::string::npos);
 }
 
+TEST(JobReport, SaysWhichFramesAreSkipped) {
+  v1::JobStatus job = SampleJob();
+  job.set_state(v1::JOB_STATE_DONE_WITH_GAPS);
+  job.set_frames_skipped(3);
+  EXPECT_EQ(JobJson(job, {}).find(R"("skipped")"), std::string::npos) << "of a list";
+  v1::FrameRange* const range = job.mutable_scheduling()->mutable_gaps()->add_skipped();
+  range->set_first(7);
+  range->set_count(2);
+  job.mutable_scheduling()->mutable_gaps()->add_skipped()->set_count(1);
+  job.mutable_scheduling()->mutable_gaps()->mutable_skipped(1)->set_first(12);
+  EXPECT_NE(JobText(job).find("\nstate: done-with-gaps\n"), std::string::npos);
+  EXPECT_NE(JobText(job).find("\nskipped: 7-8,12\n"), std::string::npos);
+  EXPECT_NE(JobJson(job, {}).find(R"("frames_skipped":3,"skipped":"7-8,12",)"), std::string::npos);
+}
+
 TEST(JobTable, LinesUpUnderItsHead) {
   EXPECT_EQ(JobTableHead(),
-            "JOB                  STATE       DONE  SUBMITTED            USER         SCENE\n");
+            "JOB                  STATE           DONE  SUBMITTED            USER         SCENE\n");
   EXPECT_EQ(JobTableLine(SampleJob()),
-            "j7                   running      25%  2023-11-14T22:13:20Z ann          room \"A\".glb\n");
+            "j7                   running          25%  2023-11-14T22:13:20Z ann          room \"A\".glb\n");
 }
 
 TEST(Fate, IsTheExitCode) {
@@ -80,6 +95,7 @@ TEST(Fate, IsTheExitCode) {
                                            std::tuple{v1::JOB_STATE_RUNNING, ExitCode::kOk, false},
                                            std::tuple{v1::JOB_STATE_FILTERING, ExitCode::kOk, false},
                                            std::tuple{v1::JOB_STATE_DONE, ExitCode::kOk, true},
+                                           std::tuple{v1::JOB_STATE_DONE_WITH_GAPS, ExitCode::kGaps, true},
                                            std::tuple{v1::JOB_STATE_FAILED, ExitCode::kFailed, true},
                                            std::tuple{v1::JOB_STATE_CANCELLED, ExitCode::kCancelled, true}}) {
     job.set_state(state);

@@ -295,13 +295,17 @@ TEST_F(RunClientTest, ChangesAJob) {
   EXPECT_EQ(Run({"delete", "job-1"}), 0);
   EXPECT_EQ(Run({"retry", "job-1"}), 0);
   EXPECT_EQ(Run({"retry", "job-1", "--frames", "3-5", "--region", "0,16,32,48", "--filter-only"}), 0);
+  EXPECT_EQ(Run({"retry", "job-1", "--skip"}), 0);
+  EXPECT_EQ(Run({"retry", "job-1", "--skip", "--frames", "17"}), 0);
   EXPECT_THAT(farm_.calls(), ElementsAre(R"(PauseJob job_id: "job-1")", R"(ResumeJob job_id: "job-1")",
                                          R"(SetJobPriority job_id: "job-1" to_front: true)",
                                          R"(SetJobPriority job_id: "job-1" priority: -30)",
                                          R"(AddSamples job_id: "job-1" samples_per_pixel: 256)",
                                          R"(DeleteJob job_id: "job-1")", R"(RetryJob job_id: "job-1")",
                                          R"(RetryJob job_id: "job-1" frames: 3 frames: 4 frames: 5 )"
-                                         R"(region { y0: 16 x1: 32 y1: 48 } filter_only: true)"));
+                                         R"(region { y0: 16 x1: 32 y1: 48 } filter_only: true)",
+                                         R"(RetryJob job_id: "job-1" skip: true)",
+                                         R"(RetryJob job_id: "job-1" frames: 17 skip: true)"));
   EXPECT_EQ(Out(), "");
   EXPECT_THAT(Err(), StartsWith("lumifold: job job-1 paused\nlumifold: job job-1 paused\n"));
   EXPECT_THAT(Err(), HasSubstr("lumifold: job job-1 deleted\n"));

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/job/gaps.h"
 #include "server/job/job_spec.h"
 
 namespace lumifold::job {
@@ -23,7 +24,10 @@ ReopenedJob Job(v1::JobState state, std::vector<int32_t> finished) {
   spec.set_pass_samples(4);
   spec.set_first_frame(1);
   spec.set_frame_count(3);
-  return {*NormaliseJobSpec(spec), state, {1, 2, 3, 7}, std::move(finished)};
+  return {.spec = *NormaliseJobSpec(spec),
+          .state = state,
+          .frames = {1, 2, 3, 7},
+          .finished = std::move(finished)};
 }
 
 const std::vector<int32_t> kAll = {1, 2, 3, 7};
@@ -130,6 +134,79 @@ TEST(ReopenPlan, AFrameThatTheJobDoesNotHaveIsRefused) {
   const absl::Status status = ReopenPlan::Make(Job(v1::JOB_STATE_DONE, kAll), {.frames = {1, 5}}).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(status.message()), HasSubstr("no frame 5"));
+}
+
+ReopenedJob WithGaps(ReopenedJob job, const std::vector<int32_t>& skipped) {
+  SetSkipped(skipped, &job.gaps);
+  return job;
+}
+
+TEST(ReopenPlan, TheFrameThatFailedTheJobIsSkippedAndFromThenOnAllThatFail) {
+  ReopenedJob job = Job(v1::JOB_STATE_FAILED, {1});
+  job.gaps.set_failed_frame(3);
+  const ReopenPlan plan = Make(job, {.skip = true});
+  EXPECT_FALSE(plan.ChangesNothing());
+  EXPECT_THAT(plan.frames(), ElementsAre(2, 7));
+  EXPECT_THAT(plan.forgotten_frames(), ElementsAre(2, 3, 7));
+  EXPECT_EQ(TextOf(plan.gaps()), "3");
+  EXPECT_TRUE(plan.gaps().skip_failed());
+  EXPECT_FALSE(plan.gaps().has_failed_frame());
+  EXPECT_TRUE(plan.Keeps(Pass(2, 0, 0)));
+}
+
+TEST(ReopenPlan, FramesToSkipAddUpAndFinishedOnesStay) {
+  const ReopenPlan plan =
+      Make(WithGaps(Job(v1::JOB_STATE_RUNNING, {1}), {7}), {.frames = {1, 2}, .skip = true});
+  EXPECT_EQ(TextOf(plan.gaps()), "2,7");
+  EXPECT_FALSE(plan.gaps().skip_failed());
+  EXPECT_THAT(plan.frames(), ElementsAre(3));
+  EXPECT_THAT(plan.forgotten_frames(), ElementsAre(2, 3));
+}
+
+TEST(ReopenPlan, ALastGapMayBeAllThatChanges) {
+  const ReopenPlan plan = Make(Job(v1::JOB_STATE_FAILED, {1, 2, 3}), {.frames = {7}, .skip = true});
+  EXPECT_FALSE(plan.ChangesNothing());
+  EXPECT_THAT(plan.frames(), IsEmpty());
+  EXPECT_THAT(plan.forgotten_frames(), ElementsAre(7));
+}
+
+TEST(ReopenPlan, SkippingWhatIsThereOrSkippedChangesNothing) {
+  EXPECT_TRUE(Make(Job(v1::JOB_STATE_DONE, kAll), {.frames = {2}, .skip = true}).ChangesNothing());
+  const ReopenedJob job = WithGaps(Job(v1::JOB_STATE_DONE_WITH_GAPS, {1, 3, 7}), {2});
+  EXPECT_TRUE(Make(job, {.frames = {2}, .skip = true}).ChangesNothing());
+}
+
+TEST(ReopenPlan, NotAllFramesAreSkippedNorPartsOfFrames) {
+  const ReopenedJob job = WithGaps(Job(v1::JOB_STATE_FAILED, {}), {2, 3});
+  for (const ReopenRequest& request :
+       {ReopenRequest{.frames = {1, 7}, .skip = true}, ReopenRequest{.filter_only = true, .skip = true},
+        ReopenRequest{.region = Rect{0, 0, 1, 1}, .skip = true}}) {
+    EXPECT_EQ(ReopenPlan::Make(job, request).status().code(), absl::StatusCode::kInvalidArgument);
+  }
+}
+
+TEST(ReopenPlan, AJobWithGapsGoesOnWithThem) {
+  ReopenedJob job = WithGaps(Job(v1::JOB_STATE_DONE_WITH_GAPS, {1, 3}), {2, 7});
+  job.gaps.set_skip_failed(true);
+  const ReopenPlan all = Make(job, {});
+  EXPECT_THAT(all.frames(), ElementsAre(2, 7));
+  EXPECT_EQ(TextOf(all.gaps()), "");
+  EXPECT_FALSE(all.gaps().skip_failed());
+  const ReopenPlan one = Make(job, {.frames = {3, 7}});
+  EXPECT_THAT(one.frames(), ElementsAre(3, 7));
+  EXPECT_EQ(TextOf(one.gaps()), "2");
+  EXPECT_TRUE(one.gaps().skip_failed());
+}
+
+TEST(ReopenPlan, OtherChangesLeaveGaps) {
+  const ReopenedJob job = WithGaps(Job(v1::JOB_STATE_DONE_WITH_GAPS, {1, 3, 7}), {2});
+  for (const ReopenRequest& request :
+       {ReopenRequest{.samples_per_pixel = 20}, ReopenRequest{.filter_only = true},
+        ReopenRequest{.region = Rect{0, 0, 1, 1}}}) {
+    const ReopenPlan plan = Make(job, request);
+    EXPECT_THAT(plan.frames(), ElementsAre(1, 3, 7));
+    EXPECT_EQ(TextOf(plan.gaps()), "2");
+  }
 }
 
 // The summary of a frame agrees with its units.

@@ -140,10 +140,11 @@ class Generator {
   Step ReopenStep() {
     std::vector<int32_t> frames;
     for (int i = Below(3); i > 0; --i) frames.push_back(Below(3));
-    v1::JobSpec spec = Job("", "").spec;
-    spec.set_samples_per_pixel(Below(100));
-    return {"reopen", [job = JobId(AnyJob()), owner = Owner{"reopener", Epoch(AnyEpoch())}, spec, frames](
-                          JobStore& store) { return Outcome(store.ReopenFrames(job, owner, spec, frames)); }};
+    Reopening reopening = {.spec = Job("", "").spec, .scheduling = {}, .frames = std::move(frames)};
+    reopening.spec.set_samples_per_pixel(Below(100));
+    reopening.scheduling.mutable_gaps()->set_skip_failed(Below(2) == 0);
+    return {"reopen", [job = JobId(AnyJob()), owner = Owner{"reopener", Epoch(AnyEpoch())}, reopening](
+                          JobStore& store) { return Outcome(store.ReopenFrames(job, owner, reopening)); }};
   }
   Step ClaimStep() {
     if (Below(2) == 0 && epoch_ < 6) ++epoch_;
@@ -222,7 +223,8 @@ std::vector<Step> ShortHistory() {
       {"claim", [](JobStore& s) { return Outcome(s.ClaimUnfinishedJobs({"second", Epoch(2)}).status()); }},
       {"reopen",
        [](JobStore& s) {
-         return Outcome(s.ReopenFrames(JobId("j-a"), {"second", Epoch(2)}, Job("", "").spec, {0}));
+         return Outcome(s.ReopenFrames(JobId("j-a"), {"second", Epoch(2)},
+                                       {.spec = Job("", "").spec, .scheduling = {}, .frames = {0}}));
        }},
       {"end", [](JobStore& s) { return Outcome(s.EndJob(Owned("j-b", 2), v1::JOB_STATE_CANCELLED, "")); }},
       {"delete", [](JobStore& s) { return Outcome(s.DeleteJob(JobId("j-b"))); }},

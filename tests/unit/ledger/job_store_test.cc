@@ -183,7 +183,7 @@ TEST_P(JobStoreTest, AClaimTakesTheUnfinishedJobsAndTheFormerOwnerIsRefused) {
            store_->RecordFrame(Owned("j-b"), 0, {}),
            store_->EndJob(Owned("j-b"), v1::JOB_STATE_DONE, ""),
            store_->SetScheduling(Owned("j-b"), {}),
-           store_->ReopenFrames(JobId("j-b"), {"coordinator:1", Epoch(1)}, {}, {}),
+           store_->ReopenFrames(JobId("j-b"), {"coordinator:1", Epoch(1)}, {}),
            store_->ClaimUnfinishedJobs({"coordinator:1", Epoch(1)}).status(),
        }) {
     EXPECT_EQ(status.code(), StatusCode::kAborted);
@@ -455,15 +455,19 @@ TEST_P(JobStoreTest, AnEndedJobIsReopenedForAnotherOwner) {
   ASSERT_TRUE(store_->EndJob(Owned("j-a"), v1::JOB_STATE_FAILED, "broken").ok());
   v1::JobSpec spec = Get("j-a").spec;
   spec.set_samples_per_pixel(64);
-  EXPECT_EQ(store_->ReopenFrames(JobId("j-a"), {"older", Epoch(0)}, spec, {1}).code(), StatusCode::kAborted);
+  v1::Scheduling scheduling = Get("j-a").scheduling;
+  scheduling.mutable_gaps()->add_skipped()->set_first(2);
+  const Reopening reopening = {.spec = spec, .scheduling = scheduling, .frames = {1}};
+  EXPECT_EQ(store_->ReopenFrames(JobId("j-a"), {"older", Epoch(0)}, reopening).code(), StatusCode::kAborted);
   const Owner owner = {"second", Epoch(2)};
-  ASSERT_TRUE(store_->ReopenFrames(JobId("j-a"), owner, spec, {1}).ok());
+  ASSERT_TRUE(store_->ReopenFrames(JobId("j-a"), owner, reopening).ok());
   Reopen();
   const JobRecord job = Get("j-a");
   EXPECT_EQ(job.state, v1::JOB_STATE_SUBMITTED);
   EXPECT_EQ(job.error, "");
   EXPECT_EQ(job.owner, owner);
   EXPECT_EQ(job.spec.SerializeAsString(), spec.SerializeAsString());
+  EXPECT_EQ(job.scheduling.SerializeAsString(), scheduling.SerializeAsString());
   EXPECT_EQ(job.numeric_class, "avx2");
   EXPECT_EQ(job.done.frames, 1);
   EXPECT_EQ(job.done.units, 1);  // frame 2 had not been recorded when the job ended
@@ -485,7 +489,10 @@ TEST_P(JobStoreTest, FramesOfARunningJobAreReopened) {
   ASSERT_TRUE(CommitOne(Commit("j-a", {Unit("j-a", 0, 0, 0), Unit("j-a", 1, 0, 0)})).ok());
   ASSERT_TRUE(store_->RecordFrame(Owned("j-a"), 0, {}).ok());
   const JobRecord before = Get("j-a");
-  ASSERT_TRUE(store_->ReopenFrames(JobId("j-a"), before.owner, before.spec, {0, 1, 5}).ok());
+  ASSERT_TRUE(store_
+                  ->ReopenFrames(JobId("j-a"), before.owner,
+                                 {.spec = before.spec, .scheduling = {}, .frames = {0, 1, 5}})
+                  .ok());
   EXPECT_THAT(Units("j-a"), IsEmpty());
   EXPECT_EQ(Get("j-a").done.units, 0);
   EXPECT_EQ(Get("j-a").done.frames, 0);
@@ -494,7 +501,7 @@ TEST_P(JobStoreTest, FramesOfARunningJobAreReopened) {
   commit.numeric_class = "sse2";
   ASSERT_TRUE(CommitOne(commit).ok());
   EXPECT_EQ(Get("j-a").numeric_class, "sse2");
-  EXPECT_EQ(store_->ReopenFrames(JobId("j-x"), before.owner, before.spec, {}).code(), StatusCode::kNotFound);
+  EXPECT_EQ(store_->ReopenFrames(JobId("j-x"), before.owner, {}).code(), StatusCode::kNotFound);
 }
 
 TEST_P(JobStoreTest, ADeletedJobIsGoneWithAllItsRows) {

@@ -199,13 +199,12 @@ class MemoryJobStore final : public JobStore {
     return absl::OkStatus();
   }
 
-  absl::Status ReopenFrames(const JobId& id, const Owner& owner, const v1::JobSpec& spec,
-                            absl::Span<const int32_t> frames) override {
+  absl::Status ReopenFrames(const JobId& id, const Owner& owner, const Reopening& reopening) override {
     StoredJob* job = Find(id);
     if (job == nullptr) return Unknown(id);
     const Epoch epoch = job->record.owner.epoch;
     if (IsActive(*job) ? owner.epoch != epoch : owner.epoch < epoch) return Lost(*job, owner.epoch);
-    for (const int32_t number : frames) {
+    for (const int32_t number : reopening.frames) {
       const auto frame = job->frames.find(number);
       if (frame == job->frames.end()) continue;
       if (!frame->second.is_finished) garbage_ += static_cast<int64_t>(frame->second.units.size());
@@ -214,7 +213,8 @@ class MemoryJobStore final : public JobStore {
     job->record.state = v1::JOB_STATE_SUBMITTED;
     job->record.error = "";
     job->record.owner = owner;
-    job->record.spec = spec;
+    job->record.spec = reopening.spec;
+    job->record.scheduling = reopening.scheduling;
     Count(job);
     const bool is_bound = std::any_of(job->frames.begin(), job->frames.end(), [](const auto& entry) {
       return entry.second.is_finished || !entry.second.units.empty();

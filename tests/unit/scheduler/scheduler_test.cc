@@ -324,6 +324,49 @@ TEST_F(SchedulerTest, ABlockedWorkerLosesItsLeasesAndGetsNoneUnderAnyConnection)
   EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).unit, leases[0].unit);
 }
 
+TEST_F(SchedulerTest, ASkippedFrameIsNeitherLeasedNorCounted) {
+  scheduler_.jobs().Add(kJob, Spec(3));
+  const int64_t of_frame = scheduler_.jobs().Progress(kJob).units_total / 3;
+  for (const int32_t frame : {11, 11, 99}) scheduler_.frames().Skip(kJob, frame);
+  EXPECT_TRUE(scheduler_.frames().RestoreFinished(kJob, 10));
+  JobProgress progress = scheduler_.jobs().Progress(kJob);
+  EXPECT_EQ(progress.frames_skipped, 1);
+  EXPECT_EQ(progress.frames_done, 1);
+  EXPECT_EQ(progress.frames_total, 3);
+  EXPECT_EQ(progress.units_total, 2 * of_frame);
+  EXPECT_EQ(progress.samples_total, 2 * 16 * 16 * 8);
+  scheduler_.workers().Add(WorkerId(1), {.numeric_class = "avx2", .slots = 100});
+  const std::vector<GrantedLease> leases = scheduler_.GrantLeases(WorkerId(1), kStart);
+  EXPECT_THAT(leases, SizeIs(of_frame));
+  for (const GrantedLease& lease : leases) {
+    EXPECT_EQ(lease.unit.key.frame, 12);
+    Commit(WorkerId(1), lease);
+  }
+  EXPECT_TRUE(scheduler_.frames().Finish(kJob, 12)) << "it was the last one";
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).state, v1::JOB_STATE_DONE);
+}
+
+TEST_F(SchedulerTest, AWorkerThatRestsGetsNoLeasesAndKeepsThoseItHas) {
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().Add(WorkerId(1), {.name = "ann", .numeric_class = "avx2", .slots = 2});
+  EXPECT_THAT(scheduler_.GrantLeases(WorkerId(1), kStart), SizeIs(2));
+  scheduler_.workers().Rest(WorkerId(1), "off hours until 19:00");
+  const WorkerInfo info = *scheduler_.workers().Describe(WorkerId(1));
+  EXPECT_EQ(info.state, v1::WORKER_STATE_RESTING);
+  EXPECT_EQ(info.reason, "off hours until 19:00");
+  EXPECT_EQ(info.leases, 2);
+  scheduler_.workers().Add(WorkerId(2), {.name = "ben", .numeric_class = "avx2", .slots = 2});
+  scheduler_.workers().Drain(WorkerId(2));
+  EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
+  const std::vector<Reason> reasons = scheduler_.Explain(kJob, kStart);
+  ASSERT_FALSE(reasons.empty());
+  EXPECT_EQ(reasons[0].code, "worker_unavailable");
+  EXPECT_THAT(reasons[0].text, testing::HasSubstr(": ann off hours until 19:00"));
+  scheduler_.workers().Drain(WorkerId(1));
+  scheduler_.workers().Rest(WorkerId(1), "");
+  EXPECT_EQ(scheduler_.workers().Describe(WorkerId(1))->state, v1::WORKER_STATE_DRAINING);
+}
+
 TEST_F(SchedulerTest, NoMoreFramesAreActiveThanTheirLimit) {
   scheduler_.frames().SetMaxActive(2);
   scheduler_.jobs().Add(kJob, Spec(/*frames=*/4));

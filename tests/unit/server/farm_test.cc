@@ -37,6 +37,7 @@ class NotedEffects final : public FarmEffects {
     discarded[frame] += units.size();
   }
   void RecordBlock(const std::string& name, const std::string& /*reason*/) override { blocked.insert(name); }
+  void SkipFrame(const FrameKey& frame, const std::string& /*cause*/) override { skipped.push_back(frame); }
   void KeepPrerequisites(const std::set<JobId>& jobs) override { kept = jobs; }
   void WakeHousekeeping() override { ++housekeeping; }
   void WakeFinisher() override { ++finisher; }
@@ -46,6 +47,7 @@ class NotedEffects final : public FarmEffects {
   std::vector<JobId> cancelled;
   std::map<FrameKey, size_t> discarded;
   std::set<std::string> blocked;
+  std::vector<FrameKey> skipped;
   std::set<JobId> kept;
   int housekeeping = 0;
   int finisher = 0;
@@ -467,6 +469,38 @@ TEST_F(FarmTest, TheEndOfAJobLeavesNothingOfItBehind) {
   EXPECT_EQ(farm_.StatusOf(job)->workers(), 0);
   farm_.EndJob(job, v1::JOB_STATE_FAILED, "again");
   EXPECT_THAT(effects_.ends, SizeIs(1));
+}
+
+TEST_F(FarmTest, AFrameThatFailsFailsItsJobOrIsSkippedOnce) {
+  for (const bool skips : {false, true}) {
+    ledger::JobRecord record = Record(skips ? "j-2" : "j-1");
+    const JobId job = record.id;
+    record.spec.set_frame_count(3);
+    record.scheduling.mutable_gaps()->set_skip_failed(skips);
+    farm_.StartJob(record, {});
+    for (int i = 0; i < 2; ++i) farm_.FailFrame({job, 1}, "no such texture");
+    EXPECT_EQ(farm_.jobs.FindActive(job) == nullptr, !skips);
+  }
+  EXPECT_THAT(effects_.ends, ElementsAre(Pair(JobId("j-1"), v1::JOB_STATE_FAILED)));
+  EXPECT_EQ(farm_.jobs.FindEnding(JobId("j-1"))->record.scheduling.gaps().failed_frame(), 1);
+  EXPECT_THAT(effects_.skipped, ElementsAre(FrameKey(JobId("j-2"), 1)));
+  farm_.KeepFrame({JobId("j-2"), 1});
+  farm_.FailFrame({JobId("j-2"), 1}, "no such texture");
+  EXPECT_THAT(effects_.skipped, SizeIs(2)) << "it could not be skipped the first time";
+  farm_.FailFrame({JobId("j-2"), 0}, "no such texture");
+  farm_.FailFrame({JobId("j-2"), 2}, "no such texture");
+  EXPECT_THAT(effects_.ends, SizeIs(2)) << "no frame would be left";
+}
+
+TEST_F(FarmTest, AJobThatSkipsFramesEndsWithGaps) {
+  LoadedJob loaded;
+  loaded.record = Record("j-1");
+  loaded.record.spec.set_frame_count(3);
+  loaded.finished = {0, 2};
+  loaded.record.scheduling.mutable_gaps()->add_skipped()->set_first(1);
+  loaded.record.scheduling.mutable_gaps()->mutable_skipped(0)->set_count(1);
+  farm_.EnterJob(loaded);
+  EXPECT_THAT(effects_.ends, ElementsAre(Pair(JobId("j-1"), v1::JOB_STATE_DONE_WITH_GAPS)));
 }
 
 TEST_F(FarmTest, AJobOfHopelessPrerequisitesFails) {

@@ -248,6 +248,34 @@ TEST_F(JobLifeTest, AnEndedJobGoesOnWhereItWas) {
   EXPECT_EQ(*Download(job, 0), expected);
 }
 
+TEST_F(JobLifeTest, AJobIsDoneWithoutTheFramesThatItSkips) {
+  v1::JobSpec spec = Spec();
+  spec.set_frame_count(3);
+  const std::string whole = *Submit(spec, "whole");
+  EXPECT_EQ(Render(whole), 3 * kUnits);
+  const std::string job = *Submit(spec, "with gaps");
+  ASSERT_TRUE(Retry(job, [](auto& request) {
+                request.set_skip(true);
+                request.add_frames(1);
+              }).ok());
+  StopServer();
+  StartServer();
+  EXPECT_EQ(Get(job)->frames_skipped(), 1);
+  {
+    const auto worker = Worker();
+    EXPECT_EQ(WaitForEnd(job).state(), v1::JOB_STATE_DONE_WITH_GAPS) << Get(job)->error();
+    EXPECT_EQ(worker->delivered(), 2 * kUnits);
+  }
+  for (const int frame : {0, 2}) EXPECT_EQ(*Download(job, frame), *Download(whole, frame));
+  EXPECT_EQ(Download(job, 1).status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(Download(job, 1).status().message()), HasSubstr("is skipped"));
+  ASSERT_TRUE(Retry(job, [](auto& request) { request.set_skip(true); }).ok());
+  EXPECT_EQ(Get(job)->state(), v1::JOB_STATE_DONE_WITH_GAPS) << "nothing has failed";
+  ASSERT_TRUE(Retry(job).ok());
+  EXPECT_EQ(Render(job), kUnits);
+  EXPECT_EQ(*Download(job, 1), *Download(whole, 1));
+}
+
 TEST_F(JobLifeTest, AJobWaitsForOthersAndThenRuns) {
   const std::string first = *Submit(Spec(), "first");
   const std::string second = *SubmitAfter({first}, "second");

@@ -43,6 +43,20 @@ ledger::JobRecord ManyNumbers() {
   return record;
 }
 
+TEST(JobStatus, DoesNotCountWhatIsSkipped) {
+  ledger::JobRecord record = ManyNumbers();
+  record.state = v1::JOB_STATE_DONE_WITH_GAPS;
+  v1::FrameRange* const range = record.scheduling.mutable_gaps()->add_skipped();
+  range->set_first(3);
+  range->set_count(2);
+  const v1::JobStatus status = StatusOfEndedJob(record);
+  EXPECT_EQ(status.frames_skipped(), 2);
+  EXPECT_EQ(status.frames_total(), 5);
+  EXPECT_EQ(status.units_total(), 3 * 4 * 3);
+  EXPECT_EQ(status.units_done(), status.units_total());
+  EXPECT_EQ(status.samples_done(), 16 * 15 * 8 * 3);
+}
+
 TEST(JobStatus, OfAnEndedJobIsItsRow) {
   ledger::JobRecord record = ManyNumbers();
   const v1::JobStatus status = StatusOfEndedJob(record);

@@ -70,10 +70,10 @@ TEST(FarmMetrics, EachFigureHasItsName) {
                   Pair("units_queued", 1), Pair("units_leased", 2), Pair("units_committed_total", 3),
                   Pair("worker_slots", 4), Pair("page_viewers", 5), Pair("workers{idle}", 6),
                   Pair("workers{set_aside}", 7), Pair("workers{busy}", 0), Pair("workers{draining}", 0),
-                  Pair("workers{silent}", 0), Pair("workers{blocked}", 0), Pair("jobs{running}", 8),
-                  Pair("jobs{paused}", 9), Pair("jobs{submitted}", 0), Pair("jobs{planned}", 0),
-                  Pair("jobs{filtering}", 0), Pair("frames{filtering}", 33), Pair("frames{on_workers}", 35),
-                  Pair("frames{waiting}", 34), Pair("blocked_workers", 10),
+                  Pair("workers{silent}", 0), Pair("workers{blocked}", 0), Pair("workers{resting}", 0),
+                  Pair("jobs{running}", 8), Pair("jobs{paused}", 9), Pair("jobs{submitted}", 0),
+                  Pair("jobs{planned}", 0), Pair("jobs{filtering}", 0), Pair("frames{filtering}", 33),
+                  Pair("frames{on_workers}", 35), Pair("frames{waiting}", 34), Pair("blocked_workers", 10),
                   Pair("samples_committed_total", 11), Pair("lease_expiries_total", 12),
                   Pair("unit_retries_total{failed}", 13), Pair("unit_retries_total{stalled}", 14),
                   Pair("received_bytes_total{units}", 15), Pair("received_bytes_total{results}", 37),
@@ -90,6 +90,7 @@ class NoEffects final : public FarmEffects {
   void CancelFinishing(const JobId&) override {}
   void DiscardUnits(const FrameKey&, const std::vector<job::UnitKey>&) override {}
   void RecordBlock(const std::string&, const std::string&) override {}
+  void SkipFrame(const FrameKey&, const std::string&) override {}
   void KeepPrerequisites(const std::set<JobId>&) override {}
   void WakeHousekeeping() override {}
   void WakeFinisher() override {}

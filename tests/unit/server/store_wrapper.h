@@ -54,9 +54,9 @@ class StoreWrapper : public ledger::JobStore {
   absl::Status EndJob(const ledger::OwnedJob& job, v1::JobState state, const std::string& error) override {
     return Call("EndJob", [&] { return store_->EndJob(job, state, error); });
   }
-  absl::Status ReopenFrames(const job::JobId& job, const ledger::Owner& owner, const v1::JobSpec& spec,
-                            absl::Span<const int32_t> frames) override {
-    return Call("ReopenFrames", [&] { return store_->ReopenFrames(job, owner, spec, frames); });
+  absl::Status ReopenFrames(const job::JobId& job, const ledger::Owner& owner,
+                            const ledger::Reopening& reopening) override {
+    return Call("ReopenFrames", [&] { return store_->ReopenFrames(job, owner, reopening); });
   }
   absl::Status SetScheduling(const ledger::OwnedJob& job, const v1::Scheduling& scheduling) override {
     return Call("SetScheduling", [&] { return store_->SetScheduling(job, scheduling); });

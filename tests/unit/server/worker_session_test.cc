@@ -35,6 +35,7 @@ class MockWorkerApi : public WorkerApi {
   MOCK_METHOD(void, KeepLog, (job::WorkerId, (const google::protobuf::RepeatedPtrField<v1::LogEvent>&)),
               (override));
   MOCK_METHOD(void, OnLeaving, (job::WorkerId, const std::string&), (override));
+  MOCK_METHOD(void, OnRest, (job::WorkerId, const std::string&), (override));
   MOCK_METHOD(std::optional<LeasedUnit>, FindLease, (job::WorkerId, const job::UnitRef&, job::Attempt),
               (override));
   MOCK_METHOD(void, Deliver, (job::WorkerId, film::EncodedUnit), (override));
@@ -208,6 +209,10 @@ TEST_F(WorkerSessionTest, PassesOnLeavingAndHandBack) {
   leaving.mutable_leaving()->set_reason("idle");
   EXPECT_CALL(workers_, OnLeaving(kWorker, "idle"));
   EXPECT_TRUE(Handle(leaving).ok());
+  v1::WorkerMessage rest;
+  rest.mutable_rest()->set_reason("off\nhours");
+  EXPECT_CALL(workers_, OnRest(kWorker, "off hours"));
+  EXPECT_TRUE(Handle(rest).ok());
   v1::WorkerMessage back;
   back.mutable_hand_back();
   EXPECT_CALL(workers_, HandBack(kWorker, _));

@@ -306,6 +306,40 @@ TEST(LeaseRunner, HandsBackWhatItCannotFinishInTime) {
   EXPECT_TRUE(rig.worker->HasLeft());
 }  // the destructor waits for the unit that is no longer wanted
 
+TEST(LeaseRunner, AWorkerThatRestsFinishesAndKeepsItsConnection) {
+  Rig rig;
+  rig.assets.SetOpen(false);
+  const v1::CoordinatorMessage grant = Grant(2);
+  rig.worker->OnMessage(grant);
+  rig.assets.AwaitFetches(1);
+  for (int i = 0; i < 3; ++i) rig.worker->Rest("off hours until 19:00");
+  const std::vector<v1::WorkerMessage> messages = rig.outbox->Await(2);
+  EXPECT_EQ(messages[0].rest().reason(), "off hours until 19:00");
+  EXPECT_THAT(messages[1].hand_back().leases(), SizeIs(1));
+  v1::CoordinatorMessage late = Grant(1, "k");
+  late.mutable_grant()->mutable_leases(0)->set_attempt(100);
+  rig.worker->OnMessage(late);
+  EXPECT_EQ(rig.outbox->Await(3)[2].hand_back().leases(0).unit().job_id(), "k");
+  EXPECT_FALSE(rig.worker->IsLeaving());
+  rig.assets.SetOpen(true);
+  EXPECT_TRUE(rig.outbox->Await(4)[3].has_chunk());
+  rig.worker->Rest("");
+  EXPECT_EQ(rig.outbox->Await(5)[4].message_case(), v1::WorkerMessage::kRest);
+  EXPECT_FALSE(rig.worker->HasLeft());
+}
+
+TEST(LeaseRunner, ADrainMayWaitForUnitsAndASignalEndsThat) {
+  Rig rig;
+  v1::CoordinatorMessage drain;
+  drain.mutable_drain()->set_finish_units(true);
+  rig.worker->OnMessage(drain);
+  EXPECT_TRUE(rig.worker->FinishesUnits());
+  rig.worker->Leave("signal");
+  EXPECT_FALSE(rig.worker->FinishesUnits());
+  rig.worker->OnMessage(drain);
+  EXPECT_FALSE(rig.worker->FinishesUnits());
+}
+
 TEST(LeaseRunner, AMoveFinishesWhatIsRenderedAndHandsBackTheRest) {
   Rig rig;
   rig.assets.SetOpen(false);

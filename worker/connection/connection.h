@@ -28,6 +28,10 @@ struct WorkerOptions {
   int threads = 1;
   /// What the machine has or may be used for; see v1::Hello.
   std::vector<std::string> tags = {};
+  /// Memory that it may use, see v1::Hello; 0: not known.
+  uint64_t memory_bytes = 0;
+  /// Whether it renders units at all.
+  bool renders = true;
   /// Frames that it finishes at a time for the coordinator, each on one of its threads, and the memory that
   /// they may take together. 0: none.
   int finishes = 0;

@@ -15,7 +15,7 @@ constexpr uint64_t kAnyMemory = std::numeric_limits<uint64_t>::max();
 /// The memory of a kind: its six leading bits.
 uint64_t KindMemory(uint64_t bytes) {
   if (bytes == 0) return kAnyMemory;
-  const int dropped = std::max(0, std::bit_width(bytes) - 6);
+  const int dropped = std::max(0, static_cast<int>(std::bit_width(bytes)) - 6);
   return bytes >> dropped << dropped;
 }
 

@@ -20,6 +20,7 @@
 #include "server/film/unit_record.h"
 #include "server/job/ids.h"
 #include "server/job/unit.h"
+#include "server/scheduler/types.h"
 
 namespace lumifold::access {
 struct Identity;

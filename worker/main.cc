@@ -320,6 +320,12 @@ absl::StatusOr<uint64_t> FindMemory(const Flags& flags) {
                    " (ulimit -v, --memory-mb, --threads, the control group)"));
 }
 
+lumifold::worker::FinishPlaces PlacesOf(const Flags& flags, uint64_t memory_bytes) {
+  if (flags.finish == "never") return {};
+  // The rest is for scenes.
+  return {.count = flags.threads, .memory_bytes = flags.finish == "only" ? memory_bytes : memory_bytes / 2};
+}
+
 /// Enters the sandbox, before any thread starts: it holds only for threads that start later.
 absl::StatusOr<sandbox::SandboxReport> EnterSandbox(const Flags& flags, const Target& target) {
   if (flags.sandbox.off) return sandbox::SandboxReport();
@@ -342,6 +348,12 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const std::string& addres
                                                        const lumifold::rpc::Security& security) {
   if (absl::Status status = lumifold::rpc::CheckServerAddress(address, security); !status.ok()) return status;
   return lumifold::rpc::MakeChannel(address, security, lumifold::rpc::kQuickKeepAlive);
+}
+
+void LogStart(const Flags& flags, const Target& target, uint64_t memory_bytes, spdlog::logger& log) {
+  log.info("event=start name={} server={} threads={} memory_mb={} class={}",
+           lumifold::logging::OneWord(flags.name), absl::StrJoin(target.servers, ","), flags.threads,
+           memory_bytes >> 20, lumifold::render::NumericClass());
 }
 
 lumifold::worker::WorkerLog MakeLog(const Flags& flags, const std::string& name) {
@@ -389,9 +401,7 @@ int RunWorkerProcess(const Flags& flags) {
   const lumifold::worker::WorkerLog worker_log = MakeLog(flags, name);
   const std::shared_ptr<spdlog::logger>& log = worker_log.log;
   LogSandbox(flags, *sandboxed, *log);
-  log->info("event=start name={} server={} threads={} memory_mb={} class={}", name,
-            absl::StrJoin(target->servers, ","), flags.threads, *memory_bytes >> 20,
-            lumifold::render::NumericClass());
+  LogStart(flags, *target, *memory_bytes, *log);
   if (!has_cache.ok())  // what is cached is a convenience: it works without
     log->warn("event=no_asset_cache error={}", lumifold::logging::Quoted(has_cache.message()));
   if (metrics->has_value()) log->info("event=metrics address={}", (*metrics)->address);
@@ -407,8 +417,7 @@ int RunWorkerProcess(const Flags& flags) {
       .tags = flags.tags,
       .memory_bytes = *memory_bytes,
       .renders = flags.finish != "only",
-      .finishes = flags.finish == "never" ? 0 : flags.threads,
-      .finish_memory_bytes = flags.finish == "only" ? *memory_bytes : *memory_bytes / 2,
+      .finishing = PlacesOf(flags, *memory_bytes),
       .log = worker_log,
       .asset_folder = has_cache.ok() ? flags.asset_cache.folder : "",
       .asset_folder_bytes = flags.asset_cache.gb << 30,

@@ -58,8 +58,8 @@ inline constexpr CallPolicy kShortCall = {
 /// The coordinators of one farm, any of which answers any client. Calls go to the one that answered last, the
 /// first call to one at random, so that clients and their jobs spread. A coordinator that cannot be reached,
 /// is stopping, or does not answer within the deadline is left for the next of the list at once.
-/// Errors of calls: kUnavailable of CannotReach, or as retry::IsStorageAway; kCancelled when the user interrupted; otherwise the
-/// coordinator's.
+/// Errors of calls: kUnavailable of CannotReach, or as retry::IsStorageAway; kCancelled when the user
+/// interrupted; otherwise the coordinator's.
 /// Threads: one call at a time.
 class Coordinators {
  public:
@@ -76,8 +76,8 @@ class Coordinators {
   size_t size() const { return options_.coordinators.size(); }
   bool interrupted() const { return options_.interrupted(); }
 
-  /// An idempotent call. Pauses begin once all coordinators were tried. The last error, or that of the policy's
-  /// limits, is returned once the patience of the options is at its end.
+  /// An idempotent call. Pauses begin once all coordinators were tried. The last error, or that of the
+  /// policy's limits, is returned once the patience of the options is at its end.
   absl::Status Call(const CallPolicy& policy, Try call);
 
   /// A call that must not be repeated once it may have taken effect: one try at one coordinator. Where there

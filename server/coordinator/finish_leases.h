@@ -37,9 +37,9 @@ struct FinishLease {
 };
 
 /// The leases of workers to finish frames. They end as those of units do: with the connection, without
-/// heartbeats, when the worker no longer names them, and when they stand still for longer than a lease and the
-/// filter of their pixels on a slow machine; and after half an hour, so that whoever only seems to work costs
-/// no more. Pure state.
+/// heartbeats, when the worker no longer names them, and when they stand still for longer than a lease and
+/// the filter of their pixels on a slow machine; and after half an hour, so that whoever only seems to work
+/// costs no more. Pure state.
 /// Threads: one at a time.
 class FinishLeases {
  public:

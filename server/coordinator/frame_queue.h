@@ -122,12 +122,13 @@ class FrameQueue {
   /// The same for a worker, where Begin has none. `find_worker` has a place for a frame, or not.
   std::optional<RunningFrame> BeginAway(
       absl::Time now, absl::FunctionRef<std::optional<job::WorkerId>(const DueFrame&)> find_worker);
-  /// Of a frame that waits for its blocks `has_workers` says whether any worker could take one: then they wait
-  /// for workers, otherwise for nothing.
+  /// Of a frame that waits for its blocks `has_workers` says whether any worker could take one: then they
+  /// wait for workers, otherwise for nothing.
   void OfferBlocks(absl::FunctionRef<bool(const DueFrame&)> has_workers);
   /// Of what is running, as ComeBack. A block is done.
   void End(const FramePart& part, absl::Time now);
-  /// Ends what a worker has not finished. A frame is queued again, for this coordinator; a block, for any worker.
+  /// Ends what a worker has not finished. A frame is queued again, for this coordinator; a block, for any
+  /// worker.
   void ComeBack(const FramePart& part, absl::Time now);
   /// When the next of those that may not be finished yet may be; InfiniteFuture if there is none.
   absl::Time NextDue(absl::Time now) const;

@@ -14,8 +14,8 @@
 namespace lumifold::server {
 
 /// Makes the result file of a committed frame by MakePicture, and its digest. A repeated call writes the same
-/// bytes. Of the blocks named in `ready` the picture is at DataFolder::BlockPath; one that cannot be read is made
-/// here. Returns the time of each stage, measured with `now`.
+/// bytes. Of the blocks named in `ready` the picture is at DataFolder::BlockPath; one that cannot be read is
+/// made here. Returns the time of each stage, measured with `now`.
 /// Errors: kNotFound for an unknown job; those of MakePicture; kAborted where the job has another owner by
 /// the end: then the result is not replaced.
 /// Threads: safe for different frames; the file does not depend on `pool`, which may be null.

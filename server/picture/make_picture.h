@@ -64,10 +64,10 @@ struct PictureFile {
 
 /// Assembles the film of a frame from its units, filters it and writes the OpenEXR file. A frame of more than
 /// one of `blocks` is assembled and filtered block by block and written in bands of rows, so that memory
-/// holds one block, not the film. The bytes depend on the frame alone, not on which blocks are ready. Returns the time of each stage,
-/// measured with `now`.
-/// Errors: kDataLoss naming the damaged or missing record, or for a ready block of the wrong size; those of the filter; kUnavailable for a disk
-/// error.
+/// holds one block, not the film. The bytes depend on the frame alone, not on which blocks are ready. Returns
+/// the time of each stage, measured with `now`.
+/// Errors: kDataLoss naming the damaged or missing record, or for a ready block of the wrong size; those of
+/// the filter; kUnavailable for a disk error.
 /// Threads: safe for different files; the file does not depend on `pool`, which may be null.
 absl::StatusOr<v1::FrameReport> MakePicture(const CompleteFrame& frame, const PictureFile& file,
                                             TaskPool* pool, const std::function<absl::Time()>& now,

@@ -65,7 +65,7 @@ bool ExplainMemory(const State& state, const Job& job, absl::Time now, std::vect
   any_memory.memory_bytes = 0;
   const uint64_t largest = state.workers.LargestMemory(any_memory);
   if (state.workers.Count(state.RequirementOf(job)).connected > 0 || largest == 0) return false;
-  const MemoryNeeds::Need& need = state.memory.Of(job.number);
+  const MemoryNeeds::Need& need = state.ready.memory().Of(job.number);
   reasons->push_back(
       {"memory",
        need.planned > largest

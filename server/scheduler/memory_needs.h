@@ -11,8 +11,8 @@
 
 namespace lumifold::scheduler {
 
-/// What memory jobs need: by their plan, and more than what a worker has that ran out of it, for a while, since
-/// something else may have taken it. Pure state. Time: O(log n) a call.
+/// What memory jobs need: by their plan, and more than what a worker has that ran out of it, for a while,
+/// since something else may have taken it. Pure state. Time: O(log n) a call.
 /// Threads: one at a time.
 class MemoryNeeds {
  public:

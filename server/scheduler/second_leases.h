@@ -58,8 +58,8 @@ class SecondLeases {
   bool MarkLate(const Kind& kind, double slowness, absl::Time now, Lease* lease) const;
   /// The same after MarkLate. True if the lease is overdue from now on.
   bool MarkOverdue(const Kind& kind, absl::Time now, Lease* lease) const;
-  /// The same for an audit and for a unit in quarantine, which idle slots do not get when they are late: they are
-  /// overdue where others are, or late where the mean is not known.
+  /// The same for an audit and for a unit in quarantine, which idle slots do not get when they are late: they
+  /// are overdue where others are, or late where the mean is not known.
   bool MarkOnlyOverdue(const Kind& kind, absl::Time now, Lease* lease) const;
   /// Whether a worker of this slowness, which has a free slot, would probably end the unit of a late lease
   /// earlier.

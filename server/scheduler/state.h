@@ -12,7 +12,6 @@
 #include "server/scheduler/backoffs.h"
 #include "server/scheduler/evidence.h"
 #include "server/scheduler/lease_table.h"
-#include "server/scheduler/memory_needs.h"
 #include "server/scheduler/name_table.h"
 #include "server/scheduler/quarantine.h"
 #include "server/scheduler/ready_jobs.h"
@@ -45,7 +44,6 @@ struct State {
   WorkerPool workers;
   LeaseTable leases;
   ReadyJobs ready;
-  MemoryNeeds memory;
   SecondLeases second_leases;
   AuditBook audits;
   Quarantine quarantine;

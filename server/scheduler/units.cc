@@ -104,7 +104,7 @@ void Units::Bind(Job& job, const std::string& numeric_class) {
 
 void Units::RequireMemory(Job& job) {
   Requirement requirement = state_->RequirementOf(job);
-  requirement.memory_bytes = state_->memory.Of(job.number).bytes();
+  requirement.memory_bytes = state_->ready.memory().Of(job.number).bytes();
   Require(job, requirement);
 }
 
@@ -156,8 +156,9 @@ bool Units::Fail(WorkerId worker, const UnitRef& unit, Attempt attempt, const Un
 }
 
 void Units::ReturnToLarger(const Lease& lease, const Worker& worker, absl::Time now) {
-  state_->memory.RanOut(lease.unit.job, worker.traits.name, state_->workers.KindOf(worker.kind).memory_bytes,
-                        now + state_->options.cool_down);
+  state_->ready.memory().RanOut(lease.unit.job, worker.traits.name,
+                                state_->workers.KindOf(worker.kind).memory_bytes,
+                                now + state_->options.cool_down);
   RequireMemory(state_->jobs.Get(lease.unit.job));
   state_->workers.Change(lease.worker, [](Worker& changed) { ++changed.units_failed; });
   leasing_->ReleaseSlot(lease.worker);
@@ -175,7 +176,7 @@ void Units::EndPauses(absl::Time now) {
   for (const UnitIndex& unit : state_->backoffs.TakeEnded(now)) {
     if (leasing_->MayReturn(unit)) leasing_->Return(unit);
   }
-  for (const int64_t job : state_->memory.TakeEnded(now)) RequireMemory(state_->jobs.Get(job));
+  for (const int64_t job : state_->ready.memory().TakeEnded(now)) RequireMemory(state_->jobs.Get(job));
 }
 
 bool Units::HandBack(WorkerId worker, const UnitRef& unit, Attempt attempt) {
@@ -212,7 +213,7 @@ void Units::SetPlan(const UnitRef& unit, const v1::JobSpec& planned) {
   job.frames = JobFrames(job.units.frames().count());
   job.free = FreeUnits();
   state_->UpdateReady(job);
-  state_->memory.SetPlanned(job.number, job::MemoryNeedOf(planned));
+  state_->ready.memory().SetPlanned(job.number, job::MemoryNeedOf(planned));
   RequireMemory(job);
 }
 

@@ -45,8 +45,9 @@ class Units {
   /// where no job is audited.
   Completion Complete(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt, absl::Time now,
                       absl::string_view digest = "", const UnitCost& cost = {});
-  /// Records that a worker could not render a unit, see Disputes. One that ran out of memory is no evidence: the
-  /// job goes to workers that have more, for SchedulerOptions::cool_down. False if it does not hold the lease.
+  /// Records that a worker could not render a unit, see Disputes. One that ran out of memory is no evidence:
+  /// the job goes to workers that have more, for SchedulerOptions::cool_down. False if it does not hold the
+  /// lease.
   bool Fail(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt, const UnitFailure& failure,
             absl::Time now);
   /// The worker will not deliver the unit: it is free at once. This is neither a failure nor a loss. False if
@@ -71,8 +72,8 @@ class Units {
 
   // For the other parts of the scheduler.
 
-  /// Frees the units whose pause after a failure is over, and lets smaller workers try again jobs with which one
-  /// ran out of memory some time ago.
+  /// Frees the units whose pause after a failure is over, and lets smaller workers try again jobs with which
+  /// one ran out of memory some time ago.
   void EndPauses(absl::Time now);
 
  private:

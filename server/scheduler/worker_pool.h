@@ -104,7 +104,8 @@ class WorkerPool {
   const Requirement& KindOf(int kind) const { return kinds_.at(kind).kind; }
   /// Sum over the kinds that `requirement` admits; O(kinds).
   KindCounts Count(const Requirement& requirement) const;
-  /// The most memory of the connected workers that it admits; 0: there is none, or that is not known. O(kinds).
+  /// The most memory of the connected workers that it admits; 0: there is none, or that is not known.
+  /// O(kinds).
   uint64_t LargestMemory(const Requirement& requirement) const;
   /// Whether a worker that `requirement` admits is available besides `id`; O(kinds).
   bool HasOther(job::WorkerId id, const Requirement& requirement) const;

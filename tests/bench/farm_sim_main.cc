@@ -43,7 +43,8 @@ void Print(const FarmResult& result) {
                                result.faulty_found, result.units_redone, result.wrong_units);
 }
 
-/// The table of docs/scale.md: an animation whose frames take 8.5 s to render with 8 samples, and 41.6 with 64.
+/// The table of docs/scale.md: an animation whose frames take 8.5 s to render with 8 samples, and 41.6 with
+/// 64.
 void PrintFinishing() {
   std::cout << "| workers | samples | frames an hour, one filter on the coordinator | share | with workers "
                "that finish | "

@@ -12,8 +12,8 @@ struct FinishSettings {
   /// For each frame: rendering its units and finishing it, on any machine.
   double render_seconds = 8.5;
   double finish_seconds = 8.2;
-  /// For each frame, of the coordinator: receiving, checking and storing its units; and sending them again and
-  /// receiving the file where a worker finishes it.
+  /// For each frame, of the coordinator: receiving, checking and storing its units; and sending them again
+  /// and receiving the file where a worker finishes it.
   double receive_seconds = .55;
   double send_seconds = .16;
   int units = 24;  // of a frame
@@ -30,9 +30,9 @@ struct FinishResult {
   double coordinator_busy = 0;     // share of its cores, for messages
 };
 
-/// Plays it in virtual time with the coordinator's own queue and leases (FrameQueue, FinishLeases). Workers hold two
-/// units for each thread, which count until they are received; frames take the turns of units. The coordinator's
-/// filter gets what messages leave of its cores. Beginning and end do not count.
+/// Plays it in virtual time with the coordinator's own queue and leases (FrameQueue, FinishLeases). Workers
+/// hold two units for each thread, which count until they are received; frames take the turns of units. The
+/// coordinator's filter gets what messages leave of its cores. Beginning and end do not count.
 FinishResult SimulateFinishing(const FinishSettings& settings);
 
 }  // namespace lumifold::sim

@@ -181,8 +181,8 @@ v1::WorkerMessage MakeHello(const WorkerOptions& options, const LeaseRunner& wor
   hello->set_wire_version(rpc::kWireVersion);
   for (const std::string& tag : options.tags) hello->add_tags(tag);
   hello->set_instance(worker.instance());
-  hello->set_finishes(options.finishes);
-  hello->set_finish_memory_bytes(options.finish_memory_bytes);
+  hello->set_finishes(options.finishing.count);
+  hello->set_finish_memory_bytes(options.finishing.memory_bytes);
   return message;
 }
 

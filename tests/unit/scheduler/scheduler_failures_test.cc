@@ -182,7 +182,8 @@ TEST_F(SchedulerFailuresTest, AUnitInQuarantineThatStandsStillGoesToASecondWorke
   ASSERT_EQ(second.size(), 1u);
   EXPECT_EQ(second[0].unit, first[0].unit);
   EXPECT_TRUE(second[0].alone);
-  EXPECT_TRUE(scheduler_.units().HoldsLease(kAnn, first[0].unit, first[0].attempt)) << "the first result counts";
+  EXPECT_TRUE(scheduler_.units().HoldsLease(kAnn, first[0].unit, first[0].attempt))
+      << "the first result counts";
   EXPECT_EQ(scheduler_.units().Complete(kBen, second[0].unit, second[0].attempt, now), Completion::kAccepted);
   EXPECT_FALSE(scheduler_.units().HoldsLease(kAnn, first[0].unit, first[0].attempt));
 }

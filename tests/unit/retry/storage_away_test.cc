@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "absl/strings/str_cat.h"
+
 namespace lumifold::retry {
 namespace {
 
@@ -13,7 +15,7 @@ TEST(StorageAwayTest, CallersAreToldTheMarkAndNotTheMessage) {
   EXPECT_EQ(error.message(), "libpq: could not connect");
   EXPECT_FALSE(IsStorageAway(error));
   const absl::Status told = ForCaller(error);
-  EXPECT_EQ(told, absl::UnavailableError(std::string(kLead) + "the database does not answer"));
+  EXPECT_EQ(told, absl::UnavailableError(absl::StrCat(kLead, "the database does not answer")));
   EXPECT_TRUE(IsStorageAway(told));
   EXPECT_EQ(StorageAway(told), told);
   EXPECT_EQ(ForCaller(told), told);
@@ -25,7 +27,7 @@ TEST(StorageAwayTest, OthersAreToldAsTheyAre) {
   EXPECT_FALSE(IsStorageAway(stopping));
   EXPECT_EQ(ForCaller(absl::OkStatus()), absl::OkStatus());
   EXPECT_EQ(StorageAway(absl::UnavailableError("DIR/x: No space left on device")),
-            absl::UnavailableError(std::string(kLead) + "DIR/x: No space left on device"));
+            absl::UnavailableError(absl::StrCat(kLead, "DIR/x: No space left on device")));
 }
 
 }  // namespace

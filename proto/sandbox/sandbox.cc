@@ -104,6 +104,14 @@ absl::Status Limit(__rlimit_resource resource, const char* name, uint64_t value)
   return absl::OkStatus();
 }
 
+/// The limit that the process has; none: the largest number.
+uint64_t AddressSpaceLimit() {
+  rlimit own = {};
+  return getrlimit(RLIMIT_AS, &own) != 0 || own.rlim_cur == RLIM_INFINITY
+             ? std::numeric_limits<uint64_t>::max()
+             : own.rlim_cur;
+}
+
 absl::Status LimitResources(const SandboxOptions& options, SandboxReport* report) {
   if (absl::Status status = Limit(RLIMIT_CORE, "core dumps", 0); !status.ok()) return status;
   if (prctl(PR_SET_DUMPABLE, 0) != 0) return SystemError("core dumps");
@@ -111,8 +119,10 @@ absl::Status LimitResources(const SandboxOptions& options, SandboxReport* report
   if (options.memory_bytes > 0 && kReservesAddresses) {
     report->lacking.emplace_back("memory (built with AddressSanitizer)");
   } else if (options.memory_bytes > 0) {
-    if (absl::Status status = Limit(RLIMIT_AS, "memory", options.memory_bytes); !status.ok()) return status;
-    report->up.push_back(absl::StrCat("memory ", options.memory_bytes >> 20, " MiB"));
+    // Whoever starts it as root has limited it on purpose, too.
+    const uint64_t bytes = std::min(options.memory_bytes, AddressSpaceLimit());
+    if (absl::Status status = Limit(RLIMIT_AS, "memory", bytes); !status.ok()) return status;
+    report->up.push_back(absl::StrCat("memory ", bytes >> 20, " MiB"));
   }
   if (options.open_files > 0) {
     if (absl::Status status = Limit(RLIMIT_NOFILE, "open files", options.open_files); !status.ok())
@@ -273,13 +283,10 @@ uint64_t MemoryOfThisProcess(uint64_t address_space, int threads) {
   // Stacks, and what else a thread of ours or of a library takes of the addresses.
   constexpr uint64_t kPerThread = uint64_t{12} << 20;
   constexpr uint64_t kOtherThreads = 8;
-  rlimit own = {};
-  if (getrlimit(RLIMIT_AS, &own) == 0 && own.rlim_cur != RLIM_INFINITY)
-    address_space = address_space == 0 ? own.rlim_cur : std::min<uint64_t>(address_space, own.rlim_cur);
-  const uint64_t usable = UsableMemoryBytes();
-  if (address_space == 0) return usable;
+  uint64_t limit = AddressSpaceLimit();
+  if (address_space > 0) limit = std::min(limit, address_space);
   const uint64_t taken = AddressSpaceInUse() + (static_cast<uint64_t>(threads) + kOtherThreads) * kPerThread;
-  return std::min(usable, address_space > taken ? address_space - taken : 0);
+  return std::min(UsableMemoryBytes(), limit > taken ? limit - taken : 0);
 }
 
 uint64_t DefaultMemoryBytes(int threads, const ControlGroups& control_groups) {

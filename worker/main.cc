@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -19,6 +20,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "filter/image/memory.h"
 #include "proto/identity/certificate.h"
 #include "proto/identity/join.h"
 #include "proto/identity/profile.h"
@@ -311,8 +313,11 @@ uint64_t AddressSpaceOf(const Flags& flags) {
 /// Errors: kResourceExhausted where not even a small scene would fit.
 absl::StatusOr<uint64_t> FindMemory(const Flags& flags) {
   constexpr uint64_t kLeast = uint64_t{128} << 20;
+  constexpr uint64_t kBytesOfAnArena = uint64_t{1} << 30;
   const uint64_t address_space = AddressSpaceOf(flags);
   const uint64_t bytes = sandbox::MemoryOfThisProcess(address_space, flags.threads);
+  if (bytes < sandbox::UsableMemoryBytes())  // by a limit of addresses
+    lumifold::UseArenas(static_cast<int>(std::clamp<uint64_t>(bytes / kBytesOfAnArena, 1, 1024)));
   if (bytes >= kLeast) return bytes;
   return absl::ResourceExhaustedError(
       absl::StrCat("not enough memory: ", bytes >> 20, " MiB are left for scenes beside ", flags.threads,

@@ -282,7 +282,7 @@ uint64_t UsableMemoryBytes(const ControlGroups& control_groups) {
 uint64_t MemoryOfThisProcess(uint64_t address_space, int threads) {
   // Stacks, and what else a thread of ours or of a library takes of the addresses.
   constexpr uint64_t kPerThread = uint64_t{12} << 20;
-  constexpr uint64_t kOtherThreads = 8;
+  constexpr uint64_t kOtherThreads = 16;
   uint64_t limit = AddressSpaceLimit();
   if (address_space > 0) limit = std::min(limit, address_space);
   const uint64_t taken = AddressSpaceInUse() + (static_cast<uint64_t>(threads) + kOtherThreads) * kPerThread;

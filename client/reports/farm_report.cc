@@ -72,6 +72,7 @@ std::string WorkerJson(const v1::WorkerStatus& worker) {
   json["class"] = worker.numeric_class();
   json["tags"] = worker.tags();
   json["slots"] = worker.slots();
+  json["memory_bytes"] = worker.memory_bytes();
   json["leases"] = worker.leases();
   json["units_done"] = worker.units_done();
   json["units_failed"] = worker.units_failed();

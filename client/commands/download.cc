@@ -51,7 +51,8 @@ ExitCode RunDownload(const std::vector<std::string>& arguments, const Environmen
         AddFrame(frame, &missing);
         continue;
       }
-      const absl::Status downloaded = picture.Fetch(*farm, *job, frame, *progress, remote.MakeBackoff(environment));
+      const absl::Status downloaded =
+          picture.Fetch(*farm, *job, frame, *progress, remote.MakeBackoff(environment));
       if (!downloaded.ok()) return ReportError(environment, downloaded);
       ReportDownloaded(job_id, frame, picture.OutputOf(*job, frame), remote.json, environment);
     }

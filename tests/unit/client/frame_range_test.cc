@@ -6,9 +6,9 @@ namespace lumifold::client {
 namespace {
 
 TEST(FrameRange, RefusesWhatIsNoRangeAndSaysWhatIsExpected) {
-  for (const char* text : {"",     "-",     "1-",   "5-4",        "1-2-3",         "a",  "1-b", " 1",
-                           "1 -2", "+1",    "1.5", "1..3", "2147483647", "0-99999999999", "1,", ",1",  "1,,2",
-                           "3,2",  "1-4,4", "7,7", "1, 2"}) {
+  for (const char* text : {"",   "-",    "1-",   "5-4", "1-2-3", "a",          "1-b",
+                           " 1", "1 -2", "+1",   "1.5", "1..3",  "2147483647", "0-99999999999",
+                           "1,", ",1",   "1,,2", "3,2", "1-4,4", "7,7",        "1, 2"}) {
     EXPECT_EQ(ParseFrames(text).status(),
               absl::InvalidArgumentError(
                   "expected frames such as 7, 1-48, 1-48,60 or 1-100x10 in ascending order; got '" +

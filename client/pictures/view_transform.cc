@@ -12,6 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "client/pictures/tone_curves.h"
 
 namespace lumifold::pictures {
 namespace {
@@ -25,9 +26,13 @@ constexpr char kDisplay[] = "sRGB";
 struct BuiltIn {
   const char* view;
   const char* space;
+  void (*tone)(float rgb[3]) = nullptr;  // applied before, if there is one
 };
-constexpr std::array<BuiltIn, 3> kBuiltIn = {
-    {{"standard", "sRGB"}, {"filmic", "Filmic sRGB"}, {"raw", "Raw"}}};
+constexpr std::array<BuiltIn, 5> kBuiltIn = {{{"standard", "sRGB"},
+                                              {"filmic", "Filmic sRGB"},
+                                              {"agx", "sRGB", AgX},
+                                              {"neutral", "sRGB", PbrNeutral},
+                                              {"raw", "Raw"}}};
 
 /// Of 16 bits.
 float FromHalf(uint32_t half) {
@@ -134,6 +139,13 @@ ocio::ConstCPUProcessorRcPtr ProcessorOf(const ocio::ConstConfigRcPtr& config, c
   return config->getProcessor(transform)->getDefaultCPUProcessor();
 }
 
+void (*ToneOf(const std::string& view))(float rgb[3]) {
+  for (const BuiltIn& built_in : kBuiltIn) {
+    if (view == built_in.view) return built_in.tone;
+  }
+  return nullptr;
+}
+
 /// Null where there is no such view.
 ocio::ConstCPUProcessorRcPtr Find(const std::string& view) {
   for (const BuiltIn& built_in : kBuiltIn) {
@@ -155,6 +167,7 @@ ocio::ConstCPUProcessorRcPtr Find(const std::string& view) {
 
 struct ViewTransform::Processor {
   ocio::ConstCPUProcessorRcPtr cpu;
+  void (*tone)(float rgb[3]) = nullptr;
 };
 
 ViewTransform::ViewTransform(std::unique_ptr<Processor> processor) : processor_(std::move(processor)) {}
@@ -164,7 +177,7 @@ ViewTransform::~ViewTransform() = default;
 
 absl::StatusOr<ViewTransform> ViewTransform::Create(const std::string& view) {
   try {
-    auto processor = std::make_unique<Processor>(Processor{Find(view)});
+    auto processor = std::make_unique<Processor>(Processor{Find(view), ToneOf(view)});
     if (processor->cpu != nullptr) return ViewTransform(std::move(processor));
     return absl::InvalidArgumentError(
         absl::StrCat("expected ", absl::StrJoin(Views(), ", "), "; got '", view, "'"));
@@ -188,6 +201,9 @@ std::vector<std::string> ViewTransform::Views() {
 
 void ViewTransform::Apply(absl::Span<float> rgb) const {
   for (float& value : rgb) value = std::isnan(value) ? 0.0f : value;
+  if (processor_->tone != nullptr) {
+    for (size_t i = 0; i + 2 < rgb.size(); i += 3) processor_->tone(&rgb[i]);
+  }
   ocio::PackedImageDesc pixels(rgb.data(), static_cast<long>(rgb.size() / 3), 1, 3);
   processor_->cpu->apply(pixels);
 }

@@ -9,11 +9,13 @@
 
 namespace lumifold::pictures {
 
-/// How linear light of a scene becomes values of a display. Three transforms are always there:
+/// How linear light of a scene becomes values of a display. Five transforms are always there:
 ///
 ///   standard  the sRGB curve; what is brighter than white is white
 ///   filmic    a curve with a soft shoulder (Hable's), then sRGB: bright light keeps its colour and detail
 ///             longer
+///   agx       AgX, then sRGB: saturated light fades to white
+///   neutral   Khronos PBR Neutral, then sRGB: colours of materials stay as they are
 ///   raw       the values themselves
 ///
 /// Where the environment variable OCIO names an OpenColorIO configuration, its views are there too: "VIEW" of

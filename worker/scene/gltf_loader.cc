@@ -161,6 +161,7 @@ absl::StatusOr<Scene> LoadUnguarded(std::string_view bytes, const AssetReader& r
   if (!variant.ok()) return variant.status();
   auto contents = WalkNodes(*document, limits, &diagnostics);
   if (!contents.ok()) return contents.status();
+  scene.origin = contents->origin;
   scene.animated = animation->moves;
   scene.animation_duration = animation->duration_seconds;
   scene.cameras = std::move(contents->cameras);

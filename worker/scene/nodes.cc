@@ -130,20 +130,23 @@ absl::StatusOr<std::vector<Affine>> ReadInstances(const Document& document, cons
 /// Traverses a scene's nodes.
 class NodeWalk {
  public:
-  NodeWalk(const Document& document, const LoadLimits& limits, Diagnostics* diagnostics)
+  /// `origin`: of the contents.
+  NodeWalk(const Document& document, const Point64& origin, const LoadLimits& limits,
+           Diagnostics* diagnostics)
       : document_(document),
         model_(document.model),
         limits_(limits),
         diagnostics_(diagnostics),
         parents_(model_.nodes.size(), kNotVisited) {
     contents_.world_from_node.resize(model_.nodes.size());
+    contents_.origin = origin;
   }
 
   absl::StatusOr<NodeContents> Run() {
     const auto roots = RootNodes(model_);
     if (!roots.ok()) return roots.status();
     for (const int root : *roots) {
-      if (auto s = Visit(root, kNone, Affine{}, 1, /*visible=*/true); !s.ok()) return s;
+      if (auto s = Visit(root, kNone, {}, 1, /*visible=*/true); !s.ok()) return s;
     }
     return std::move(contents_);
   }
@@ -151,20 +154,41 @@ class NodeWalk {
  private:
   static constexpr int kNotVisited = -2;
 
+  /// A node's transform, and its place before contents_.origin is subtracted.
+  struct World {
+    Affine from_node;
+    Point64 place = {};
+  };
+
+  World Compose(const World& parent, const tinygltf::Node& node, const Affine& local) const {
+    World world = {parent.from_node * local, parent.place};
+    const Point64 step = LocalOrigin(node);
+    for (int i = 0; i < 3; ++i) {
+      const Affine& axes = parent.from_node;
+      world.place[i] +=
+          double{axes.x[i]} * step[0] + double{axes.y[i]} * step[1] + double{axes.z[i]} * step[2];
+    }
+    if (contents_.origin == Point64{}) return world;
+    const auto near = [&](int i) { return static_cast<float>(world.place[i] - contents_.origin[i]); };
+    world.from_node.origin = {near(0), near(1), near(2)};
+    return world;
+  }
+
   /// Recursion is bounded by limits_.max_node_depth.
-  absl::Status Visit(int index, int parent, const Affine& world_from_parent, int depth, bool visible) {
+  absl::Status Visit(int index, int parent, const World& parent_world, int depth, bool visible) {
     if (auto s = CheckIndex(index, model_.nodes.size(), "node"); !s.ok()) return s;
     const tinygltf::Node& node = model_.nodes[index];
     const std::string place = Place("node", index, node.name);
     if (auto s = Enter(index, parent, depth); !s.ok()) return WithContext(s, place);
     const auto local = LocalTransform(node);
     if (!local.ok()) return WithContext(local.status(), place);
-    const Affine world_from_node = world_from_parent * *local;
+    const World world = Compose(parent_world, node, *local);
+    const Affine& world_from_node = world.from_node;
     contents_.world_from_node[index] = world_from_node;
     visible = visible && IsVisible(node);
     if (auto s = AddContents(index, world_from_node, visible, place); !s.ok()) return WithContext(s, place);
     for (const int child : node.children) {
-      if (auto s = Visit(child, index, world_from_node, depth + 1, visible); !s.ok()) return s;
+      if (auto s = Visit(child, index, world, depth + 1, visible); !s.ok()) return s;
     }
     return absl::OkStatus();
   }
@@ -275,11 +299,29 @@ class NodeWalk {
   NodeContents contents_;
 };
 
+/// Whole metres near the first camera, or the first mesh, of a scene far from its origin; 0 of others.
+Point64 OriginOf(const NodeContents& contents) {
+  constexpr float kFar = 1000;  // metres: floats there are .06 mm apart
+  Vec3 place;
+  if (!contents.cameras.empty())
+    place = contents.cameras.front().world_from_camera.origin;
+  else if (!contents.placements.empty())
+    place = contents.placements.front().world_from_object.origin;
+  if (std::fabs(place.x) < kFar && std::fabs(place.y) < kFar && std::fabs(place.z) < kFar) return {};
+  return {std::round(double{place.x}), std::round(double{place.y}), std::round(double{place.z})};
+}
+
 }  // namespace
 
 absl::StatusOr<NodeContents> WalkNodes(const Document& document, const LoadLimits& limits,
                                        Diagnostics* diagnostics) {
-  return NodeWalk(document, limits, diagnostics).Run();
+  Diagnostics found = *diagnostics;
+  auto contents = NodeWalk(document, {}, limits, &found).Run();
+  if (!contents.ok()) return contents;
+  const Point64 origin = OriginOf(*contents);
+  if (origin != Point64{}) return NodeWalk(document, origin, limits, diagnostics).Run();
+  *diagnostics = std::move(found);
+  return contents;
 }
 
 }  // namespace lumifold::scene

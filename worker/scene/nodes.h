@@ -6,6 +6,7 @@
 
 #include "absl/status/statusor.h"
 #include "worker/scene/document.h"
+#include "worker/scene/transforms.h"
 
 namespace lumifold::scene {
 
@@ -20,6 +21,7 @@ struct Placement {
 
 /// Contents of the scene's nodes, in depth-first order from its roots.
 struct NodeContents {
+  Point64 origin = {};  // of Scene: subtracted from all places below
   std::vector<Placement> placements;
   std::vector<Camera> cameras;
   std::vector<PunctualLight> lights;

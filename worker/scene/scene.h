@@ -170,6 +170,9 @@ struct PunctualLight {
 };
 
 struct Scene {
+  /// Where the file has the origin of all coordinates here, in metres: 0 unless the scene lies so far from its own
+  /// that floats would not hold its details.
+  std::array<double, 3> origin = {};
   std::vector<Mesh> meshes;
   std::vector<Instance> instances;
   std::vector<Material> materials;

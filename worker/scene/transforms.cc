@@ -74,6 +74,12 @@ absl::StatusOr<Affine> LocalTransform(const tinygltf::Node& node) {
   return AffineFromTrs(translation, rotation, scale);
 }
 
+Point64 LocalOrigin(const tinygltf::Node& node) {
+  if (!node.matrix.empty()) return {node.matrix[12], node.matrix[13], node.matrix[14]};
+  if (node.translation.empty()) return {};
+  return {node.translation[0], node.translation[1], node.translation[2]};
+}
+
 bool IsInvertible(const Affine& affine) {
   return IsFinite(affine.x) && IsFinite(affine.y) && IsFinite(affine.z) && IsFinite(affine.origin) &&
          std::isnormal(affine.Determinant());

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -15,6 +16,13 @@ absl::StatusOr<Affine> AffineFromTrs(Vec3 translation, Vec4 rotation, Vec3 scale
 /// A node's matrix, or its translation, rotation and scale. Errors: kInvalidArgument for wrong lengths,
 /// values that are not finite, a projective matrix.
 absl::StatusOr<Affine> LocalTransform(const tinygltf::Node& node);
+
+/// A point in double precision: the origins of nodes of a scene that lies far from its own origin, such as a
+/// town in map coordinates, whose differences count.
+using Point64 = std::array<double, 3>;
+
+/// The translation of LocalTransform, as the file has it.
+Point64 LocalOrigin(const tinygltf::Node& node);
 
 /// Whether the transform is finite and can be inverted in float.
 bool IsInvertible(const Affine& affine);

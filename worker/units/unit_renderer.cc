@@ -1,6 +1,7 @@
 #include "worker/units/unit_renderer.h"
 
 #include <algorithm>
+#include <array>
 #include <new>
 #include <optional>
 #include <utility>
@@ -62,10 +63,21 @@ absl::Status CheckLease(const v1::JobSpec& spec, const v1::Lease& lease) {
   return absl::InvalidArgumentError("the lease is not for a part of the job's picture");
 }
 
-v1::CameraMatrices MatricesOf(const render::PictureCamera& camera) {
+/// `matrix`, which row vectors of points are multiplied by, of points in the file's coordinates.
+render::PictureCamera::Matrix FromFile(render::PictureCamera::Matrix matrix,
+                                       const std::array<double, 3>& origin) {
+  for (size_t column = 0; column < 4; ++column) {
+    double shift = 0;
+    for (size_t row = 0; row < 3; ++row) shift += origin[row] * static_cast<double>(matrix[4 * row + column]);
+    matrix[12 + column] = static_cast<float>(static_cast<double>(matrix[12 + column]) - shift);
+  }
+  return matrix;
+}
+
+v1::CameraMatrices MatricesOf(const render::PictureCamera& camera, const scene::Scene& scene) {
   v1::CameraMatrices matrices;
-  const auto to_camera = camera.WorldToCamera();
-  const auto to_ndc = camera.WorldToNdc();
+  const auto to_camera = FromFile(camera.WorldToCamera(), scene.origin);
+  const auto to_ndc = FromFile(camera.WorldToNdc(), scene.origin);
   matrices.mutable_world_to_camera()->Add(to_camera.begin(), to_camera.end());
   matrices.mutable_world_to_ndc()->Add(to_ndc.begin(), to_ndc.end());
   return matrices;
@@ -259,7 +271,7 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
     for (std::string& warning :
          rpc::BoundedLines(renderer.warnings(), rpc::kMaxUnitWarnings, rpc::kMaxWarningBytes))
       unit.stats.add_warnings(std::move(warning));
-    *unit.stats.mutable_camera() = MatricesOf(renderer.camera());
+    *unit.stats.mutable_camera() = MatricesOf(renderer.camera(), renderer.scene());
     if (loaded->in_studio) DescribeStudio(&unit.stats);
     if (spec.cryptomatte() && lease.unit().tile() == 0) AddObjects(renderer.scene(), &unit.stats);
   } else {

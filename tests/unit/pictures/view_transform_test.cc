@@ -24,7 +24,7 @@ float Shown(const std::string& view, float value) {
   EXPECT_TRUE(transform.ok()) << transform.status();
   std::array<float, 3> rgb = {value, value, value};
   transform->Apply(absl::MakeSpan(rgb));
-  EXPECT_EQ(rgb[0], rgb[2]);
+  EXPECT_NEAR(rgb[0], rgb[2], 1e-4f);
   return rgb[0];
 }
 
@@ -45,16 +45,46 @@ TEST(ViewTransform, FilmicKeepsDetailInBrightLight) {
   }
 }
 
+std::array<float, 3> ShownColor(const std::string& view, std::array<float, 3> rgb) {
+  ViewTransform::Create(view).value().Apply(absl::MakeSpan(rgb));
+  return rgb;
+}
+
+TEST(ViewTransform, AgXFadesBrightColoursToWhite) {
+  EXPECT_NEAR(Shown("agx", 0.18f), 0.5f, 0.01f) << "middle grey is in the middle";
+  EXPECT_NEAR(Shown("agx", 0), 0, 1e-3f);
+  EXPECT_LE(Shown("agx", 1e6f), 1);
+  const std::array<float, 3> dim = ShownColor("agx", {0, 0, 0.2f}), bright = ShownColor("agx", {0, 0, 500});
+  EXPECT_LT(dim[0], 0.5f * dim[2]);
+  EXPECT_GT(bright[0], 0.75f * bright[2]);
+}
+
+TEST(ViewTransform, NeutralKeepsTheColoursOfMaterials) {
+  for (const float value : {0.1f, 0.4f, 0.75f})
+    EXPECT_NEAR(Shown("neutral", value), SrgbFromLinear(value - 0.04f), 1e-3f) << value;
+  EXPECT_NEAR(Shown("neutral", 0), 0, 1e-6f);
+  const std::array<float, 3> red = ShownColor("neutral", {0.6f, 0.1f, 0.1f});
+  EXPECT_NEAR(red[0], SrgbFromLinear(0.56f), 1e-3f);
+  EXPECT_NEAR(red[1], SrgbFromLinear(0.06f), 1e-3f);
+  float last = 0;
+  for (const float value : {0.8f, 1.0f, 2.0f, 8.0f, 100.0f}) {
+    EXPECT_GT(Shown("neutral", value), last) << value;
+    last = Shown("neutral", value);
+    EXPECT_LE(last, 1);
+  }
+}
+
 TEST(ViewTransform, RawKeepsValuesAndANumberThatIsNoneIsBlack) {
   EXPECT_EQ(Shown("raw", 0.25f), 0.25f);
-  for (const char* view : {"standard", "filmic", "raw"})
+  for (const char* view : {"standard", "filmic", "agx", "neutral", "raw"})
     EXPECT_NEAR(Shown(view, std::numeric_limits<float>::quiet_NaN()), 0, 1e-6f) << view;
 }
 
 TEST(ViewTransform, NamesTheViewsThatThereAre) {
   const absl::Status status = ViewTransform::Create("cinematic").status();
   EXPECT_TRUE(absl::IsInvalidArgument(status));
-  EXPECT_THAT(std::string(status.message()), HasSubstr("expected standard, filmic, raw; got 'cinematic'"));
+  EXPECT_THAT(std::string(status.message()),
+              HasSubstr("expected standard, filmic, agx, neutral, raw; got 'cinematic'"));
 }
 
 /// A studio's configuration, named by the environment.

@@ -65,6 +65,29 @@ TEST(Nodes, ShowTheDefaultSceneElseTheFirst) {
   EXPECT_THAT(ErrorOf(fixture), HasSubstr("scene 2 does not exist (there are 2)"));
 }
 
+TEST(Nodes, FarFromTheOriginKeepTheirDistances) {
+  for (const bool has_camera : {true, false}) {
+    GltfFixture fixture = OneTriangle();
+    fixture.json["nodes"][0]["translation"] = {0.05, 0, 0};
+    fixture.AddNode({{"mesh", 0}, {"translation", {0.07, 0, 0}}});
+    fixture.AddNode({{"children", {0, 1}}, {"translation", {500000.01, 35, -4649776.02}}});
+    if (has_camera) {
+      fixture.Add("cameras", {{"type", "perspective"}, {"perspective", {{"yfov", 1}, {"znear", 0.1}}}});
+      fixture.AddNode({{"camera", 0}, {"translation", {500000.25, 36, -4649770}}});
+      fixture.json["scenes"] = nlohmann::json::array({{{"nodes", {2, 3}}}});
+    }
+    const Scene scene = MustLoad(fixture);
+    EXPECT_EQ(scene.origin[0], 500000);
+    const auto origins = Origins(scene);
+    ASSERT_EQ(origins.size(), 2u);
+    EXPECT_NEAR(origins[0].x, 0.06, 1e-6);
+    EXPECT_NEAR(origins[1].x - origins[0].x, 0.02, 1e-6);
+    EXPECT_NEAR(origins[0].z + scene.origin[2], -4649776.02, 1e-6);
+    if (has_camera) EXPECT_NEAR(scene.cameras[0].world_from_camera.origin.x, 0.25, 1e-6);
+  }
+  EXPECT_EQ(MustLoad(OneTriangle()).origin, Point64{});
+}
+
 TEST(Nodes, HideThemselvesAndAllBelowButNoCamera) {
   GltfFixture fixture = OneTriangle();
   fixture.Add("cameras", {{"type", "orthographic"},

@@ -1,5 +1,5 @@
-// Pictures from outside: PNG and JPEG textures, OpenEXR and Radiance environment maps. For any bytes,
-// decoding gives a picture within the limits or an error of one line.
+// Pictures from outside: PNG, JPEG and KTX2 textures (the last from the corpus), OpenEXR and Radiance
+// environment maps. For any bytes, decoding gives a picture within the limits or an error of one line.
 
 #include <algorithm>
 

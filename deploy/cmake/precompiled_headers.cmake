@@ -28,6 +28,7 @@ function(lumifold_precompiled name)
   target_precompile_headers(precompiled_${name} PRIVATE ${ARG_HEADERS})
   target_link_libraries(precompiled_${name} PRIVATE lumifold_options ${ARG_LINK})
   if(ARG_PROGRAM)
+    target_link_libraries(precompiled_${name} PRIVATE lumifold_program_options)
     # gcc takes a set only with the -fPIC or -fPIE that it was made with.
     set_target_properties(precompiled_${name} PROPERTIES POSITION_INDEPENDENT_CODE OFF)
     target_compile_options(precompiled_${name} PRIVATE -fPIE)
@@ -42,7 +43,7 @@ endfunction()
 
 function(lumifold_merge_sources target)
   if(LUMIFOLD_MERGE)
-    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 16)
   endif()
 endfunction()
 

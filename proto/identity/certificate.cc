@@ -16,7 +16,7 @@
 namespace lumifold::identity {
 namespace {
 
-std::string TextOf(const ASN1_STRING* text) {
+std::string TextOfString(const ASN1_STRING* text) {
   return {reinterpret_cast<const char*>(ASN1_STRING_get0_data(text)),
           static_cast<size_t>(ASN1_STRING_length(text))};
 }
@@ -39,14 +39,14 @@ void ReadNames(X509* certificate, CertificateFacts* facts) {
       static_cast<GENERAL_NAMES*>(X509_get_ext_d2i(certificate, NID_subject_alt_name, nullptr, nullptr));
   for (int i = 0; i < sk_GENERAL_NAME_num(names); ++i) {
     const GENERAL_NAME* name = sk_GENERAL_NAME_value(names, i);
-    if (name->type == GEN_DNS) facts->hosts.push_back(TextOf(name->d.dNSName));
+    if (name->type == GEN_DNS) facts->hosts.push_back(TextOfString(name->d.dNSName));
     if (name->type == GEN_IPADD) facts->hosts.push_back(TextOfAddress(name->d.iPAddress));
-    if (name->type == GEN_URI) facts->uris.push_back(TextOf(name->d.uniformResourceIdentifier));
+    if (name->type == GEN_URI) facts->uris.push_back(TextOfString(name->d.uniformResourceIdentifier));
   }
   GENERAL_NAMES_free(names);
   const X509_NAME* subject = X509_get_subject_name(certificate);
   if (const int index = X509_NAME_get_index_by_NID(subject, NID_commonName, -1); index >= 0)
-    facts->common_name = TextOf(X509_NAME_ENTRY_get_data(X509_NAME_get_entry(subject, index)));
+    facts->common_name = TextOfString(X509_NAME_ENTRY_get_data(X509_NAME_get_entry(subject, index)));
 }
 
 }  // namespace

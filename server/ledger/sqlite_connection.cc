@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kBusyTimeoutMs = 10'000;
 
-constexpr SqlDialect kDialect = {
+constexpr SqlDialect kSqliteDialect = {
     // Takes the write lock at once: a transaction that took it later could find that what it has read has
     // changed.
     .begin = "BEGIN IMMEDIATE",
@@ -122,7 +122,7 @@ absl::StatusOr<std::unique_ptr<SqliteConnection>> SqliteConnection::Open(const s
   return connection;
 }
 
-const SqlDialect& SqliteConnection::dialect() const { return kDialect; }
+const SqlDialect& SqliteConnection::dialect() const { return kSqliteDialect; }
 
 absl::StatusOr<SqliteConnection::Statement*> SqliteConnection::Prepare(const std::string& sql) {
   const auto found = statements_.find(sql);

@@ -309,7 +309,7 @@ void MakeQuick(Options* options) {
   options->reference_samples = {512};
   options->width = 128;
   options->height = 96;
-  options->most_grid_seconds = 2;
+  options->most_grid_seconds = 0.5;
   options->most_run_seconds = 2;
   options->timed_runs = 1;
 }

@@ -10,7 +10,7 @@ import unittest
 from farm import Farm, make_scene, wait_until
 
 FRAMES = 12
-SETTINGS = ["--size", "192x144", "--spp", "8", "--frames", f"0-{FRAMES - 1}"]
+SETTINGS = ["--size", "128x96", "--spp", "8", "--frames", f"0-{FRAMES - 1}"]
 # One place, so that the others wait; and leases that end soon.
 ONE_PLACE = ["--finish-processes", "1", "--filter-threads", "1", "--lease-seconds", "3", "--heartbeat-seconds", "0.2"]
 

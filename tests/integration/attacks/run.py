@@ -9,6 +9,7 @@ does about the attack takes time from the job.
 """
 
 import contextlib
+import dataclasses
 import os
 import pathlib
 import random
@@ -24,7 +25,12 @@ import of_strangers  # noqa: E402
 import run  # noqa: E402
 from world import Picture, References, World  # noqa: E402
 
-ATTACKS = [*of_strangers.ATTACKS, *of_callers.ATTACKS]
+# Two frames: what an attack does to the first shows on the second.
+SMALL_PICTURE = Picture(frames=2)
+ATTACKS = [
+    dataclasses.replace(attack, setup=attack.setup._replace(picture=SMALL_PICTURE))
+    for attack in (*of_strangers.ATTACKS, *of_callers.ATTACKS)
+]
 LONG_PICTURE = Picture(size="128x96", samples=192)
 PAIRS = 3
 ATTACKER_CORE = set()  # of --measure

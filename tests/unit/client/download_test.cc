@@ -3,6 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <string>
+#include <utility>
+
 #include "tests/unit/client/fake_farm.h"
 #include "tests/unit/client/test_environment.h"
 
@@ -18,11 +22,15 @@ class DownloadTest : public testing::Test {
   }
 
   absl::Status Download() {
+    QuietProgress progress(test_.err);
+    return Download(&progress);
+  }
+
+  absl::Status Download(Progress* progress) {
     const auto client = MakeFarmClient(farm_.channel(), {.coordinators = {farm_.address()},
                                                          .time = time_.Environment(),
                                                          .interrupted = test_.environment.interrupted});
-    QuietProgress progress(test_.err);
-    return DownloadFrame(*client, "job-1", 0, folder_.File("part"), progress,
+    return DownloadFrame(*client, "job-1", 0, folder_.File("part"), *progress,
                          Backoff(absl::Minutes(1), time_.Environment(), test_.environment.interrupted));
   }
 
@@ -136,6 +144,25 @@ TEST_F(DownloadTest, StopsWhenTheUserInterrupts) {
 TEST_F(DownloadTest, NamesTheFileTheDiskRefuses) {
   folder_.Write("part/in-the-way", "");
   const absl::Status status = Download();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInternal);
+  EXPECT_THAT(std::string(status.message()), testing::HasSubstr("/part: "));
+}
+
+/// Removes a file each time that progress is shown.
+class RemovingProgress : public Progress {
+ public:
+  explicit RemovingProgress(std::string path) : path_(std::move(path)) {}
+  void Update(const ProgressState&) override { std::filesystem::remove(path_); }
+  void Message(absl::string_view) override {}
+  void Clear() override {}
+
+ private:
+  const std::string path_;
+};
+
+TEST_F(DownloadTest, AFileThatIsRemovedMeanwhileIsAnErrorOfThisMachine) {
+  RemovingProgress progress(folder_.File("part"));
+  const absl::Status status = Download(&progress);
   EXPECT_EQ(status.code(), absl::StatusCode::kInternal);
   EXPECT_THAT(std::string(status.message()), testing::HasSubstr("/part: "));
 }

@@ -12,7 +12,7 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-v1::JobStatus Job(v1::JobState state, int64_t samples_done = 0) {
+v1::JobStatus FollowedJob(v1::JobState state, int64_t samples_done = 0) {
   v1::JobStatus job;
   job.set_job_id("job-1");
   job.set_state(state);
@@ -63,7 +63,8 @@ TEST_F(FollowJobTest, SaysThatThereIsNoSuchJob) {
 }
 
 TEST_F(FollowJobTest, GivesTheLastStatusWhateverTheFate) {
-  farm_.watched = {Job(v1::JOB_STATE_PLANNED), Job(v1::JOB_STATE_RUNNING, 50), Job(v1::JOB_STATE_FAILED, 50)};
+  farm_.watched = {FollowedJob(v1::JOB_STATE_PLANNED), FollowedJob(v1::JOB_STATE_RUNNING, 50),
+                   FollowedJob(v1::JOB_STATE_FAILED, 50)};
   farm_.watched.back().set_error("no memory");
   const auto job = Follow(farm_.address());
   ASSERT_TRUE(job.ok()) << job.status();
@@ -72,8 +73,8 @@ TEST_F(FollowJobTest, GivesTheLastStatusWhateverTheFate) {
 }
 
 TEST_F(FollowJobTest, ComesBackWhenTheConnectionBreaks) {
-  farm_.watched = {Job(v1::JOB_STATE_RUNNING, 10), Job(v1::JOB_STATE_RUNNING, 20),
-                   Job(v1::JOB_STATE_DONE, 100)};
+  farm_.watched = {FollowedJob(v1::JOB_STATE_RUNNING, 10), FollowedJob(v1::JOB_STATE_RUNNING, 20),
+                   FollowedJob(v1::JOB_STATE_DONE, 100)};
   farm_.watched_per_stream = 1;
   const auto job = Follow(farm_.address());
   ASSERT_TRUE(job.ok()) << job.status();
@@ -82,7 +83,7 @@ TEST_F(FollowJobTest, ComesBackWhenTheConnectionBreaks) {
 }
 
 TEST_F(FollowJobTest, LosesPatienceInTheEnd) {
-  farm_.watched = {Job(v1::JOB_STATE_RUNNING, 10), Job(v1::JOB_STATE_DONE, 100)};
+  farm_.watched = {FollowedJob(v1::JOB_STATE_RUNNING, 10), FollowedJob(v1::JOB_STATE_DONE, 100)};
   farm_.watched_per_stream = 1;
   const absl::Time begin = time_.now;
   // After the first status the stream breaks at once, every time.
@@ -92,7 +93,7 @@ TEST_F(FollowJobTest, LosesPatienceInTheEnd) {
 }
 
 TEST_F(FollowJobTest, HasAllItsPatienceAfterAJobThatDidNotChangeForLong) {
-  farm_.watched = {Job(v1::JOB_STATE_PAUSED), Job(v1::JOB_STATE_DONE, 100)};
+  farm_.watched = {FollowedJob(v1::JOB_STATE_PAUSED), FollowedJob(v1::JOB_STATE_DONE, 100)};
   farm_.watched_per_stream = 1;
   const auto job = Follow(farm_.address(), [this](const v1::JobStatus&) { time_.now += absl::Hours(8); });
   ASSERT_TRUE(job.ok()) << job.status();
@@ -100,7 +101,7 @@ TEST_F(FollowJobTest, HasAllItsPatienceAfterAJobThatDidNotChangeForLong) {
 }
 
 TEST_F(FollowJobTest, OpensAStreamAgainThatWasSilentUntilItsDeadlineWithoutAWord) {
-  farm_.watched = {Job(v1::JOB_STATE_PAUSED), Job(v1::JOB_STATE_DONE, 100)};
+  farm_.watched = {FollowedJob(v1::JOB_STATE_PAUSED), FollowedJob(v1::JOB_STATE_DONE, 100)};
   farm_.watched_per_stream = 1;
   farm_.broken_watch = grpc::StatusCode::DEADLINE_EXCEEDED;
   const auto job = Follow(farm_.address());
@@ -110,21 +111,21 @@ TEST_F(FollowJobTest, OpensAStreamAgainThatWasSilentUntilItsDeadlineWithoutAWord
 }
 
 TEST_F(FollowJobTest, SaysEachWarningOnce) {
-  farm_.watched = {Job(v1::JOB_STATE_RUNNING), Job(v1::JOB_STATE_DONE)};
+  farm_.watched = {FollowedJob(v1::JOB_STATE_RUNNING), FollowedJob(v1::JOB_STATE_DONE)};
   for (v1::JobStatus& job : farm_.watched) job.add_warnings("the scene has no light");
   ASSERT_TRUE(Follow(farm_.address()).ok());
   EXPECT_EQ(test_.err.str(), "warning: the scene has no light\n");
 }
 
 TEST_F(FollowJobTest, StopsWhenTheUserInterruptsThoughTheCoordinatorIsSilent) {
-  farm_.watched = {Job(v1::JOB_STATE_RUNNING)};
+  farm_.watched = {FollowedJob(v1::JOB_STATE_RUNNING)};
   farm_.hold_watch = true;
   interrupt_at_ = v1::JOB_STATE_RUNNING;
   EXPECT_EQ(Follow(farm_.address()).status(), absl::CancelledError("interrupted"));
 }
 
 TEST(ProgressOf, ShowsTheShareOfATime) {
-  v1::JobStatus job = Job(v1::JOB_STATE_RUNNING, 30);
+  v1::JobStatus job = FollowedJob(v1::JOB_STATE_RUNNING, 30);
   job.mutable_adaptive()->set_time_seconds(60);
   job.mutable_times()->set_render_seconds(15);
   EXPECT_EQ(ProgressOf(job).done, 15'000);
@@ -135,11 +136,11 @@ TEST(ProgressOf, ShowsTheShareOfATime) {
 }
 
 TEST(ProgressOf, CountsSamplesWhileRenderingAlone) {
-  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_RUNNING, 30)).done, 30);
-  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_RUNNING, 30)).total, 100);
-  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_PLANNED)).total, 0);
-  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_FILTERING, 100)).total, 0);
-  v1::JobStatus filtering = Job(v1::JOB_STATE_FILTERING, 100);
+  EXPECT_EQ(ProgressOf(FollowedJob(v1::JOB_STATE_RUNNING, 30)).done, 30);
+  EXPECT_EQ(ProgressOf(FollowedJob(v1::JOB_STATE_RUNNING, 30)).total, 100);
+  EXPECT_EQ(ProgressOf(FollowedJob(v1::JOB_STATE_PLANNED)).total, 0);
+  EXPECT_EQ(ProgressOf(FollowedJob(v1::JOB_STATE_FILTERING, 100)).total, 0);
+  v1::JobStatus filtering = FollowedJob(v1::JOB_STATE_FILTERING, 100);
   EXPECT_EQ(ProgressOf(filtering).stage, "filtering");
   filtering.set_frames_filtering(2);
   EXPECT_EQ(ProgressOf(filtering).note, "") << "of one frame there is nothing to tell";

@@ -15,7 +15,7 @@ absl::StatusOr<OptionFile> Parse(const std::string& text, OptionFileKind kind = 
   return ParseOptionFile("job.yaml", text, kind);
 }
 
-std::string ErrorOf(const std::string& text, OptionFileKind kind = OptionFileKind::kJob) {
+std::string OptionError(const std::string& text, OptionFileKind kind = OptionFileKind::kJob) {
   const absl::Status status = Parse(text, kind).status();
   EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
   return std::string(status.message());
@@ -42,18 +42,19 @@ TEST(OptionFile, AConfigurationHasProfiles) {
   EXPECT_EQ(file.options.size(), 1u);
   ASSERT_EQ(file.profiles.count("night"), 1u);
   EXPECT_EQ(file.profiles.at("night")[0].line, 4);
-  EXPECT_THAT(ErrorOf(text), HasSubstr("job.yaml:2: profiles: expected a value"));
+  EXPECT_THAT(OptionError(text), HasSubstr("job.yaml:2: profiles: expected a value"));
 }
 
 TEST(OptionFile, NamesTheLineThatIsWrong) {
-  EXPECT_THAT(ErrorOf("spp: 1\nspp: 2\n"), HasSubstr("job.yaml:2: spp appears twice"));
-  EXPECT_THAT(ErrorOf("- spp\n"), HasSubstr("job.yaml:1: expected lines of 'option: value'"));
-  EXPECT_THAT(ErrorOf("size: 3\nspp: {a: 1}\n"), HasSubstr("job.yaml:2: spp: expected a value"));
-  EXPECT_THAT(ErrorOf("spp: [[1]]\n"), HasSubstr("job.yaml:1: spp"));
-  EXPECT_THAT(ErrorOf("spp:\n"), HasSubstr("job.yaml:1: spp: expected a value"));
-  EXPECT_THAT(ErrorOf("spp: [1, 2\n"), HasSubstr("job.yaml:"));
-  EXPECT_THAT(ErrorOf("? [a]\n: 1\n"), HasSubstr("expected the name of an option"));
-  EXPECT_THAT(ErrorOf("profiles: 3\n", OptionFileKind::kConfiguration), HasSubstr("expected a map of names"));
+  EXPECT_THAT(OptionError("spp: 1\nspp: 2\n"), HasSubstr("job.yaml:2: spp appears twice"));
+  EXPECT_THAT(OptionError("- spp\n"), HasSubstr("job.yaml:1: expected lines of 'option: value'"));
+  EXPECT_THAT(OptionError("size: 3\nspp: {a: 1}\n"), HasSubstr("job.yaml:2: spp: expected a value"));
+  EXPECT_THAT(OptionError("spp: [[1]]\n"), HasSubstr("job.yaml:1: spp"));
+  EXPECT_THAT(OptionError("spp:\n"), HasSubstr("job.yaml:1: spp: expected a value"));
+  EXPECT_THAT(OptionError("spp: [1, 2\n"), HasSubstr("job.yaml:"));
+  EXPECT_THAT(OptionError("? [a]\n: 1\n"), HasSubstr("expected the name of an option"));
+  EXPECT_THAT(OptionError("profiles: 3\n", OptionFileKind::kConfiguration),
+              HasSubstr("expected a map of names"));
 }
 
 TEST(OptionFile, IsBounded) {

@@ -15,11 +15,11 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-constexpr Rect kRect = {0, 0, 5, 3};
+constexpr Rect kVoidRect = {0, 0, 5, 3};
 
-StoredUnit Unit(int32_t tile) {
+StoredUnit VoidUnit(int32_t tile) {
   const job::UnitKey key{1, tile, 0, v1::UNIT_KIND_PASS};
-  return {{job::JobId("j-1"), key}, job::Attempt(7 + tile), {}, RandomUnit(key, kRect, {0, 4}, 1)};
+  return {{job::JobId("j-1"), key}, job::Attempt(7 + tile), {}, RandomUnit(key, kVoidRect, {0, 4}, 1)};
 }
 
 class VoidRecordsTest : public ::testing::Test {
@@ -28,7 +28,7 @@ class VoidRecordsTest : public ::testing::Test {
     absl::StatusOr<UnitLog> log = UnitLog::Open(path_, after);
     EXPECT_TRUE(log.ok()) << log.status();
     std::vector<RecordPlace> places;
-    for (const int32_t tile : tiles) places.push_back(*log->Append(Encoded(Unit(tile))));
+    for (const int32_t tile : tiles) places.push_back(*log->Append(Encoded(VoidUnit(tile))));
     EXPECT_TRUE(log->Sync().ok());
     return places;
   }
@@ -51,7 +51,7 @@ TEST_F(VoidRecordsTest, AScanPassesOverThemAndFindsTheOthers) {
   ASSERT_TRUE(VoidRecords(path_, {places[0], places[2]}).ok());
   EXPECT_THAT(Tiles(), ElementsAre(1, 3));
   EXPECT_EQ(UnitLogReader::Open(path_)->Read(places[2]).status().code(), absl::StatusCode::kDataLoss);
-  EXPECT_EQ(UnitLogReader::Open(path_)->Read(places[3])->unit, Unit(3).unit);
+  EXPECT_EQ(UnitLogReader::Open(path_)->Read(places[3])->unit, VoidUnit(3).unit);
 }
 
 TEST_F(VoidRecordsTest, TheUnitIsAppendedAgainBehindTheOthers) {

@@ -44,7 +44,7 @@ struct Scene {
 
 constexpr ManifoldParams kFit = {.sigma_s = kFirstOrderReach, .height = 3, .cell = 4, .is_first_order = true};
 
-Planes Filtered(const Planes& light, const Scene& scene, const ManifoldParams& params) {
+Planes FirstOrder(const Planes& light, const Scene& scene, const ManifoldParams& params) {
   return ManifoldFilter(light, scene.features, scene.mask.view(), params, nullptr);
 }
 
@@ -84,7 +84,7 @@ TEST(FirstOrder, EqualsItsOracleOnCellsOfAPixel) {
                                             kFirstOrderReach, nullptr)
                            .filtered;
   const Planes expected = FitLight(means, kFirstOrderReach, kFit.slope_ridge, nullptr);
-  const Planes fast = Filtered(light, scene, fit);
+  const Planes fast = FirstOrder(light, scene, fit);
   for (size_t c = 0; c < 3; ++c) {
     for (int y = 0; y < kFirstOrderHeight; ++y) {
       for (int x = 0; x < kFirstOrderWidth; ++x)
@@ -98,8 +98,8 @@ TEST(FirstOrder, KeepsAPlaneUpToThePicturesBorder) {
   const Planes light = RisingLight();
   ManifoldParams plain = kFit;
   plain.is_first_order = false;
-  const Planes mean = Filtered(light, scene, plain);
-  const Planes fitted = Filtered(light, scene, kFit);
+  const Planes mean = FirstOrder(light, scene, plain);
+  const Planes fitted = FirstOrder(light, scene, kFit);
   EXPECT_GT(std::abs(mean[2].At(0, 0) - Rising(2, 0, 0)), 0.2f);  // what a mean is wrong by there
   for (size_t c = 0; c < 3; ++c) {
     for (const auto& [x, y] :
@@ -117,7 +117,7 @@ TEST(FirstOrder, KeepsAPlaneHoweverPixelsLieInTheirCells) {
       scene.features[0].At(x, y) = 0.01f * static_cast<float>(x);
     }
   }
-  const Planes fitted = Filtered(RisingLight(), scene, kFit);
+  const Planes fitted = FirstOrder(RisingLight(), scene, kFit);
   for (int y = 0; y < kFirstOrderHeight; ++y) {
     for (int x = 0; x < kFirstOrderWidth; ++x)
       EXPECT_NEAR(fitted[2].At(x, y), Rising(2, x, y), 0.06f) << x << "," << y;
@@ -128,7 +128,7 @@ TEST(FirstOrder, KeepsAConstant) {
   const Scene scene;
   Planes light = MakePlanes(3, kFirstOrderWidth, kFirstOrderHeight);
   for (Plane& channel : light) channel.Fill(0.7f);
-  const Planes fitted = Filtered(light, scene, kFit);
+  const Planes fitted = FirstOrder(light, scene, kFit);
   for (int x = 0; x < kFirstOrderWidth; ++x) EXPECT_NEAR(fitted[1].At(x, 3), 0.7f, 1e-4f);
 }
 
@@ -136,7 +136,7 @@ TEST(FirstOrder, TakesThePixelsOwnLightWhereTheFilterFoundNothing) {
   Scene scene;
   scene.mask.Fill(0);
   const Planes light = RisingLight();
-  const Planes fitted = Filtered(light, scene, kFit);
+  const Planes fitted = FirstOrder(light, scene, kFit);
   for (int x = 0; x < kFirstOrderWidth; ++x) EXPECT_EQ(fitted[1].At(x, 7), light[1].At(x, 7));
 }
 
@@ -145,7 +145,7 @@ TEST(FirstOrder, StaysFiniteBesideWeightsBelowNormalNumbers) {
   for (int y = 0; y < kFirstOrderHeight; ++y) {
     for (int x = kFirstOrderWidth / 2; x < kFirstOrderWidth; ++x) scene.mask.At(x, y) = 1e-42f;
   }
-  EXPECT_TRUE(IsFinite(Filtered(RisingLight(), scene, kFit)));
+  EXPECT_TRUE(IsFinite(FirstOrder(RisingLight(), scene, kFit)));
 }
 
 TEST(FitLight, StaysFiniteWhereRoundingMakesSpreadsNegative) {

@@ -16,11 +16,11 @@ constexpr int kRegressionHeight = 30;
 constexpr int kEdge = 16;                 // the column of pixels that show both surfaces
 constexpr float kRegressionNoise = 0.3f;  // deviation of a half
 constexpr float kCovered = 0.5f;          // by each surface in them
-constexpr float kKnee = 0.2f;
+constexpr float kLightKnee = 0.2f;
 constexpr int kUnsampledRow = 11;  // where half A has no sample of the right surface
 
 /// Light of the left (0) and right (1) surface.
-float Truth(int surface, int y) { return surface == 0 ? 1 + 0.02f * static_cast<float>(y) : 4.0f; }
+float TrueLight(int surface, int y) { return surface == 0 ? 1 + 0.02f * static_cast<float>(y) : 4.0f; }
 
 /// A layer of two surfaces, and F, which is too bright by a quarter on the edge.
 struct Layer {
@@ -50,7 +50,7 @@ Layer TwoSurfaces(float unit) {
       layer.geometry[0].At(x, y) = surface == 0 ? 4.0f : 0.0f;  // the normal, in sigmas
       layer.geometry[2].At(x, y) = surface == 0 ? 0.0f : 4.0f;
       for (size_t c = 0; c < 3; ++c) {
-        const float truth = Truth(surface, y);
+        const float truth = TrueLight(surface, y);
         halves.a[c].At(x, y) = unit * (truth + noise(random));
         halves.b[c].At(x, y) = unit * (truth + noise(random));
         layer.filtered.a[c].At(x, y) = layer.filtered.b[c].At(x, y) = unit * truth;
@@ -69,7 +69,7 @@ Layer TwoSurfaces(float unit) {
         f.share[h].push_back(is_missing ? 0.0f : kCovered);
         f.coverage[h].push_back(kCovered);
         for (size_t c = 0; c < 3; ++c) {
-          const float truth = Truth(surface, y);
+          const float truth = TrueLight(surface, y);
           f.light[h].push_back(is_missing ? 0.0f : unit * (truth + noise(random) / std::sqrt(kCovered)));
           layer.filtered.points[h].push_back(unit * 1.25f * truth);
         }
@@ -80,7 +80,7 @@ Layer TwoSurfaces(float unit) {
 }
 
 Candidate Fit(const Layer& layer, TaskPool* pool = nullptr) {
-  return FitLight(layer.halves, layer.fragments, layer.geometry, layer.filtered, {}, kKnee, pool);
+  return FitLight(layer.halves, layer.fragments, layer.geometry, layer.filtered, {}, kLightKnee, pool);
 }
 
 /// Where the light of a surface in row y is in Candidate::points; its first channel.
@@ -95,7 +95,7 @@ TEST(LightRegression, FindsTheLightOfEachSurfaceOfAnEdge) {
     double bias = 0;
     for (int y = 0; y < kRegressionHeight; ++y) {
       const size_t at = PointOf(surface, y);
-      const auto truth = static_cast<double>(Truth(surface, y));
+      const auto truth = static_cast<double>(TrueLight(surface, y));
       const double off = static_cast<double>(fit.points[0][at]) - truth;
       bias += off / kRegressionHeight;
       of_fit += off * off;
@@ -112,7 +112,7 @@ TEST(LightRegression, TellsAHalfWithoutSamplesOfASurfaceWhatTheSurfaceShowsNearb
   const Layer layer = TwoSurfaces(1);
   const size_t at = PointOf(1, kUnsampledRow);
   ASSERT_EQ(layer.fragments.light[0][at], 0);
-  EXPECT_NEAR(Fit(layer).points[0][at], Truth(1, kUnsampledRow), 0.3);
+  EXPECT_NEAR(Fit(layer).points[0][at], TrueLight(1, kUnsampledRow), 0.3);
 }
 
 TEST(LightRegression, LeavesWhatIsNotMixedAlone) {
@@ -126,8 +126,8 @@ TEST(LightRegression, LeavesWhatIsNotMixedAlone) {
 TEST(LightRegression, FitsMixedPixelsOfOneSurface) {
   Layer layer = TwoSurfaces(1);
   layer.halves.is_mixed.At(5, 9) = 1;
-  layer.filtered.a[0].At(5, 9) = layer.filtered.b[0].At(5, 9) = 1.25f * Truth(0, 9);
-  EXPECT_NEAR(Fit(layer).a[0].At(5, 9), Truth(0, 9), 0.12f);
+  layer.filtered.a[0].At(5, 9) = layer.filtered.b[0].At(5, 9) = 1.25f * TrueLight(0, 9);
+  EXPECT_NEAR(Fit(layer).a[0].At(5, 9), TrueLight(0, 9), 0.12f);
 }
 
 TEST(LightRegression, FollowsTheUnitOfLight) {

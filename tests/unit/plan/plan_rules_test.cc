@@ -261,8 +261,14 @@ TEST(PlanRules, CostlyTilesComeFirst) {
   EXPECT_TRUE(column == 3 || column == 4) << column;
   EXPECT_TRUE(row == 2 || row == 3) << row;
   EXPECT_TRUE(PlanOf(LitBox(Gray()), settings).units.tile_order.empty()) << "all tiles cost about the same";
-  settings.render.width = settings.render.height = 8192;
   settings.forced = {"tile-size=32"};
+  static_assert(kProbePixels == 64 * 64);
+  settings.render.width = settings.render.height = 64 * 32;
+  EXPECT_EQ(PlanOf(scene, settings).units.tile_order.size(), size_t{kProbePixels})
+      << "no more tiles than pixels";
+  settings.render.width += 1;
+  EXPECT_TRUE(PlanOf(scene, settings).units.tile_order.empty()) << "a column more";
+  settings.render.width = settings.render.height = 8192;
   EXPECT_TRUE(PlanOf(scene, settings).units.tile_order.empty()) << "more tiles than the probe has pixels";
   settings.forced.emplace_back("costliest-first=on");
   EXPECT_TRUE(PlanOf(scene, settings).units.tile_order.empty()) << "also where it is asked for";

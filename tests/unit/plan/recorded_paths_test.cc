@@ -96,6 +96,20 @@ TEST(RecordedPaths, TellTheRaysAndTheLightOfAPictureByTheSameRule) {
   }
 }
 
+TEST(RecordedPaths, WeighTheirNoiseByTheLightOfTheirPixel) {
+  render::RenderSettings settings = SettingsFor().render;
+  settings.width = 16;
+  settings.height = 12;
+  const scene::Scene room = LitBox(lumifold::testing::Lambert({0.8f, 0.8f, 0.8f}));
+  const Probe probe = RunProbe(room, settings, kAmpleSamples).value();
+  const LayeredImage pass = render::RenderAll(*render::MakeRenderer(room, settings), 16, 12, 64);
+  const double light = render::MeanOf(pass, layers::kNoisy);
+  // Of one channel of one path: the square of the light that it brings, over the light of its pixel.
+  const double noise = probe.paths.CostsWith({}).noise / (3.0 * 16 * 12 * kProbeSamples);
+  EXPECT_GT(noise, light / 8);
+  EXPECT_LT(noise, light * 8);
+}
+
 TEST(RecordedPaths, APathOfManyBouncesIsCutOff) {
   render::RenderSettings settings = SettingsFor().render;
   settings.width = 8;

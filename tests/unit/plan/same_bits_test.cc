@@ -103,8 +103,8 @@ std::vector<NamedScene> Scenes() {
   };
 }
 
-constexpr int kPictureWidth = 64;
-constexpr int kPictureHeight = 48;
+constexpr int kPictureWidth = 32;
+constexpr int kPictureHeight = 24;
 
 /// The picture of the full plan, which is rendered once for all tests.
 const LayeredImage& FullPicture(const NamedScene& named) {

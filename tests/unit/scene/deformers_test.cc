@@ -53,6 +53,24 @@ TEST(Skins, BlendJointsByNormalisedWeights) {
   ExpectNear(mesh.positions[3], {4, 2, 0});
 }
 
+TEST(Skins, TakeAllJointsOfASparseVertex) {
+  GltfFixture fixture = SkinnedDocument();
+  fixture.json.erase("animations");
+  fixture.json["nodes"][1]["translation"] = {4, 1, 0};  // the upper joint moves 4 to the side
+  const int joints = fixture.AddBytes(std::vector<uint8_t>(16, 0), "VEC4", false);
+  fixture.json["accessors"][joints]["sparse"] = {
+      {"count", 1},
+      {"indices", {{"bufferView", fixture.AddView(std::string(1, 2))}, {"componentType", 5121}}},
+      {"values", {{"bufferView", fixture.AddView(std::string("\0\1\0\0", 4))}}}};
+  auto& attributes = fixture.json["meshes"][0]["primitives"][0]["attributes"];
+  attributes["JOINTS_0"] = joints;
+  attributes["WEIGHTS_0"] =
+      fixture.AddFloats({1, 0, 0, 0, 1, 0, 0, 0, 0.25f, 0.75f, 0, 0, 1, 0, 0, 0}, "VEC4");
+  const Mesh mesh = At(0, fixture).meshes[0];
+  ExpectNear(mesh.positions[2], {4, 2, 0});  // three quarters of the way, by the second joint of four
+  ExpectNear(mesh.positions[3], {0, 2, 0});
+}
+
 TEST(Skins, CountVerticesThatNoJointMoves) {
   GltfFixture fixture = SkinnedDocument();
   fixture.json["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"] =

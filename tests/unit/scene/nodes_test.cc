@@ -16,7 +16,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 
 /// A document with mesh 0 in node 0.
-GltfFixture OneTriangle() {
+GltfFixture TriangleOfOneNode() {
   GltfFixture fixture;
   fixture.AddTriangles(kTriangle);
   return fixture;
@@ -29,7 +29,7 @@ std::vector<Vec3> Origins(const Scene& scene) {
 }
 
 TEST(Nodes, ComposeTransformsFromTheRoot) {
-  GltfFixture fixture = OneTriangle();
+  GltfFixture fixture = TriangleOfOneNode();
   fixture.json["nodes"][0]["translation"] = {1, 0, 0};
   fixture.json["nodes"][0]["name"] = "leaf";
   fixture.AddNode({{"children", {0}}, {"scale", {2, 2, 2}}, {"translation", {0, 5, 0}}});
@@ -41,7 +41,7 @@ TEST(Nodes, ComposeTransformsFromTheRoot) {
 }
 
 TEST(Nodes, ShareAMeshAmongInstances) {
-  GltfFixture fixture = OneTriangle();
+  GltfFixture fixture = TriangleOfOneNode();
   fixture.AddNode({{"mesh", 0}, {"translation", {3, 0, 0}}});
   const Scene scene = MustLoad(fixture);
   EXPECT_EQ(scene.meshes.size(), 1u);
@@ -49,13 +49,13 @@ TEST(Nodes, ShareAMeshAmongInstances) {
 }
 
 TEST(Nodes, DoNotReadMeshesThatNoNodePlaces) {
-  GltfFixture fixture = OneTriangle();
+  GltfFixture fixture = TriangleOfOneNode();
   fixture.AddMesh({{"attributes", {{"POSITION", 99}}}});
   EXPECT_EQ(MustLoad(fixture).meshes.size(), 1u);
 }
 
 TEST(Nodes, ShowTheDefaultSceneElseTheFirst) {
-  GltfFixture fixture = OneTriangle();
+  GltfFixture fixture = TriangleOfOneNode();
   fixture.AddNode({{"mesh", 0}, {"translation", {3, 0, 0}}});
   fixture.json["scenes"] = {{{"nodes", {0}}}, {{"nodes", {1}}}};
   EXPECT_THAT(Origins(MustLoad(fixture)), ElementsAre(Vec3{0, 0, 0}));
@@ -108,7 +108,7 @@ TEST(Nodes, HideThemselvesAndAllBelowButNoCamera) {
 }
 
 TEST(Nodes, PlaceGpuInstances) {
-  GltfFixture fixture = OneTriangle();
+  GltfFixture fixture = TriangleOfOneNode();
   const int translations = fixture.AddFloats({1, 0, 0, 2, 0, 0}, "VEC3");
   const int rotations = fixture.AddShorts({0, 0, 0, 32767, 0, 0, 32767, 0}, "VEC4", true);
   const int scales = fixture.AddFloats({1, 1, 1, 3, 3, 3}, "VEC3");
@@ -128,7 +128,7 @@ TEST(Nodes, PlaceGpuInstances) {
 }
 
 TEST(Nodes, LeaveOutSingularInstancesWithAWarning) {
-  GltfFixture fixture = OneTriangle();
+  GltfFixture fixture = TriangleOfOneNode();
   fixture.AddNode({{"mesh", 0}, {"scale", {1, 0, 1}}});
   const Scene scene = MustLoad(fixture);
   EXPECT_EQ(scene.instances.size(), 1u);
@@ -136,7 +136,7 @@ TEST(Nodes, LeaveOutSingularInstancesWithAWarning) {
 }
 
 TEST(Nodes, RefuseCycles) {
-  GltfFixture fixture = OneTriangle();
+  GltfFixture fixture = TriangleOfOneNode();
   fixture.json["nodes"] = {
       {{"children", {1}}, {"name", "a"}}, {{"children", {2}}}, {{"children", {1}}, {"mesh", 0}}};
   EXPECT_EQ(ErrorOf(fixture), "test.glb: node 1: is its own ancestor (a cycle)");
@@ -146,14 +146,14 @@ TEST(Nodes, RefuseCycles) {
 }
 
 TEST(Nodes, RefuseASecondParent) {
-  GltfFixture fixture = OneTriangle();
+  GltfFixture fixture = TriangleOfOneNode();
   fixture.AddNode({{"children", {0}}});
   fixture.AddNode({{"children", {0}}});
   EXPECT_EQ(ErrorOf(fixture), "test.glb: node 0: has more than one parent");
 }
 
 TEST(Nodes, RefuseTooDeepNesting) {
-  GltfFixture fixture = OneTriangle();
+  GltfFixture fixture = TriangleOfOneNode();
   for (int i = 0; i < 100'000; ++i) fixture.AddNode({{"children", {i}}});
   const auto scene = fixture.Load();
   EXPECT_EQ(scene.status().code(), absl::StatusCode::kResourceExhausted);
@@ -162,7 +162,7 @@ TEST(Nodes, RefuseTooDeepNesting) {
 
 TEST(Nodes, RefuseIndicesOfMissingObjects) {
   const auto changed = [](const char* field, const json& value) {
-    GltfFixture fixture = OneTriangle();
+    GltfFixture fixture = TriangleOfOneNode();
     fixture.json["nodes"][0][field] = value;
     return ErrorOf(fixture);
   };
@@ -176,7 +176,7 @@ TEST(Nodes, RefuseIndicesOfMissingObjects) {
 
 TEST(Nodes, RefuseMalformedTransforms) {
   const auto changed = [](const char* field, const json& value) {
-    GltfFixture fixture = OneTriangle();
+    GltfFixture fixture = TriangleOfOneNode();
     fixture.json["nodes"][0][field] = value;
     return ErrorOf(fixture);
   };
@@ -189,7 +189,7 @@ TEST(Nodes, RefuseMalformedTransforms) {
 }
 
 TEST(Nodes, PlaceCamerasWithoutTheirScale) {
-  GltfFixture fixture = OneTriangle();
+  GltfFixture fixture = TriangleOfOneNode();
   fixture.Add("cameras", {{"type", "perspective"},
                           {"name", "lens"},
                           {"perspective", {{"yfov", 0.5}, {"znear", 0.1}, {"aspectRatio", 1.5}}}});
@@ -215,7 +215,7 @@ TEST(Nodes, PlaceCamerasWithoutTheirScale) {
 
 TEST(Nodes, RefuseMalformedCameras) {
   const auto changed = [](const json& camera) {
-    GltfFixture fixture = OneTriangle();
+    GltfFixture fixture = TriangleOfOneNode();
     fixture.Add("cameras", camera);
     fixture.AddNode({{"camera", 0}});
     return ErrorOf(fixture);
@@ -234,7 +234,8 @@ TEST(Nodes, RefuseMalformedCameras) {
 }
 
 TEST(Nodes, NoteThatThereIsNoCamera) {
-  EXPECT_THAT(MustLoad(OneTriangle()).warnings, ElementsAre("no camera: one that sees everything is used"));
+  EXPECT_THAT(MustLoad(TriangleOfOneNode()).warnings,
+              ElementsAre("no camera: one that sees everything is used"));
 }
 
 }  // namespace

@@ -21,8 +21,8 @@ namespace {
 
 using job::JobId;
 
-const JobId kJob("j-1");
-const ledger::OwnedJob kOwned = {kJob, {}};
+const JobId kFilteredJob("j-1");
+const ledger::OwnedJob kOwnedFilteredJob = {kFilteredJob, {}};
 /// Divides the frames of these tests into several blocks.
 constexpr filter::BlockParams kSmallBlocks = {.core = 64, .margin = 32, .fade = 16, .whole = 4096};
 
@@ -62,9 +62,9 @@ class FinishFrameTest : public CommittedFrameFixture {
 TEST_F(FinishFrameTest, AFrameOfOneBlockIsTheWholeFilmFiltered) {
   v1::JobSpec spec = Spec(40, 30);
   spec.set_save_film(true);
-  Commit(kJob, spec);
-  Finish(kJob, nullptr, {});
-  const absl::StatusOr<EdgedImage> result = ReadEdgedExr(folder_.ResultPath(kJob, 0));
+  Commit(kFilteredJob, spec);
+  Finish(kFilteredJob, nullptr, {});
+  const absl::StatusOr<EdgedImage> result = ReadEdgedExr(folder_.ResultPath(kFilteredJob, 0));
   ASSERT_TRUE(result.ok()) << result.status();
   const EdgedImage expected = ExpectedResult(spec, {});
   ExpectSameImage(result->pixels, expected.pixels);
@@ -131,21 +131,22 @@ TEST_F(FinishFrameTest, TheFileKnowsNothingOfThreadsOrTheOrderOfUnits) {
   v1::JobSpec spec = Spec(120, 80);
   spec.mutable_filter()->set_method("none");
   spec.set_save_film(true);
-  Commit(kJob, spec);
-  Finish(kJob, nullptr, kSmallBlocks);
+  Commit(kFilteredJob, spec);
+  Finish(kFilteredJob, nullptr, kSmallBlocks);
   const JobId other("j-2");
   Commit(other, spec, /*is_forward=*/true);
   Finish(other, MakeTaskPool(4).get(), kSmallBlocks);
-  EXPECT_EQ(Result(kJob), Result(other));
+  EXPECT_EQ(Result(kFilteredJob), Result(other));
 }
 
 TEST_F(FinishFrameTest, StagesMakeUpTheWholeTime) {
   v1::JobSpec spec = Spec(120, 80);
   spec.mutable_filter()->set_method("none");
-  Commit(kJob, spec);
+  Commit(kFilteredJob, spec);
   absl::Time time = absl::FromUnixSeconds(1000);
   const absl::StatusOr<v1::FrameReport> report = FinishFrame(
-      folder_, *store_, kOwned, 0, nullptr, [&] { return time += absl::Seconds(1); }, kSmallBlocks);
+      folder_, *store_, kOwnedFilteredJob, 0, nullptr, [&] { return time += absl::Seconds(1); },
+      kSmallBlocks);
   ASSERT_TRUE(report.ok()) << report.status();
   const int blocks = 2 * 2;
   const int bands = 10;  // tiles of 8 rows
@@ -156,7 +157,7 @@ TEST_F(FinishFrameTest, StagesMakeUpTheWholeTime) {
 
 TEST_F(FinishFrameTest, AUnitThatIsNotCommittedIsNamedAndNothingIsWritten) {
   v1::JobSpec spec = Spec(20, 12);
-  Commit(kJob, spec);
+  Commit(kFilteredJob, spec);
   spec.set_samples_per_pixel(14);  // one pass more than is committed
   const JobId other("j-2");
   ASSERT_TRUE(
@@ -168,16 +169,17 @@ TEST_F(FinishFrameTest, AUnitThatIsNotCommittedIsNamedAndNothingIsWritten) {
 }
 
 TEST_F(FinishFrameTest, AJobThatAnotherCoordinatorHasTakenKeepsItsResult) {
-  Commit(kJob, Spec(20, 12));
+  Commit(kFilteredJob, Spec(20, 12));
   ASSERT_TRUE(store_->ClaimUnfinishedJobs({"another", ledger::Epoch(7)}).ok());
-  ASSERT_TRUE(MakeFolder(folder_.ResultsPath(kJob)).ok());
-  std::ofstream(folder_.ResultPath(kJob, 0)) << "of the other one";
+  ASSERT_TRUE(MakeFolder(folder_.ResultsPath(kFilteredJob)).ok());
+  std::ofstream(folder_.ResultPath(kFilteredJob, 0)) << "of the other one";
   const absl::Status status =
-      FinishFrame(folder_, *store_, kOwned, 0, nullptr, [] { return absl::Now(); }).status();
+      FinishFrame(folder_, *store_, kOwnedFilteredJob, 0, nullptr, [] { return absl::Now(); }).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kAborted) << status;
-  EXPECT_EQ(Result(kJob), "of the other one");
-  EXPECT_TRUE(
-      FinishFrame(folder_, *store_, {kJob, ledger::Epoch(7)}, 0, nullptr, [] { return absl::Now(); }).ok());
+  EXPECT_EQ(Result(kFilteredJob), "of the other one");
+  EXPECT_TRUE(FinishFrame(folder_, *store_, {kFilteredJob, ledger::Epoch(7)}, 0, nullptr, [] {
+                return absl::Now();
+              }).ok());
 }
 
 }  // namespace

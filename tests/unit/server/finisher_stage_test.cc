@@ -24,7 +24,7 @@ using job::JobId;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-const JobId kJob("j-1");
+const JobId kStagedJob("j-1");
 const JobId kOther("j-2");
 
 /// Fails as often as told, job by job.
@@ -52,7 +52,7 @@ class FailingFinisher final : public FrameFinisher {
     absl::MutexLock lock(&mutex_);
     cancelled_ = true;
   }
-  void Cancel() override { CancelJob(kJob); }
+  void Cancel() override { CancelJob(kStagedJob); }
 
   void Fail(const JobId& job, int times, const absl::Status& error) {
     absl::MutexLock lock(&mutex_);
@@ -102,53 +102,53 @@ class FinisherStageTest : public CommittedFrameFixture {
 };
 
 TEST_F(FinisherStageTest, AFrameWhoseProcessWasKilledIsTriedAgainAndOthersDoNotWait) {
-  Commit(kJob, Spec(20, 12));
+  Commit(kStagedJob, Spec(20, 12));
   Commit(kOther, Spec(20, 12));
-  finisher_.Fail(kJob, 2, absl::InternalError("the filter process was ended by signal 9"));
+  finisher_.Fail(kStagedJob, 2, absl::InternalError("the filter process was ended by signal 9"));
   Start();
-  EXPECT_EQ(WaitForEnd(kJob).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(WaitForEnd(kStagedJob).state(), v1::JOB_STATE_DONE);
   EXPECT_EQ(WaitForEnd(kOther).state(), v1::JOB_STATE_DONE);
-  EXPECT_THAT(finisher_.tried(), ElementsAre(kJob, kOther, kJob, kJob));
+  EXPECT_THAT(finisher_.tried(), ElementsAre(kStagedJob, kOther, kStagedJob, kStagedJob));
 }
 
 TEST_F(FinisherStageTest, AfterThreeFailuresTheJobFailsWithTheReason) {
-  Commit(kJob, Spec(20, 12));
-  finisher_.Fail(kJob, 9, absl::ResourceExhaustedError("out of memory"));
+  Commit(kStagedJob, Spec(20, 12));
+  finisher_.Fail(kStagedJob, 9, absl::ResourceExhaustedError("out of memory"));
   Start();
-  const v1::JobStatus status = WaitForEnd(kJob);
+  const v1::JobStatus status = WaitForEnd(kStagedJob);
   EXPECT_EQ(status.state(), v1::JOB_STATE_FAILED);
   EXPECT_EQ(status.error(), "frame 0 failed 3 times: out of memory");
   EXPECT_EQ(finisher_.tried().size(), 3u);
 }
 
 TEST_F(FinisherStageTest, AnErrorThatWouldComeAgainFailsTheJobAtOnce) {
-  Commit(kJob, Spec(20, 12));
-  finisher_.Fail(kJob, 9, absl::InvalidArgumentError("no such method"));
+  Commit(kStagedJob, Spec(20, 12));
+  finisher_.Fail(kStagedJob, 9, absl::InvalidArgumentError("no such method"));
   Start();
-  EXPECT_EQ(WaitForEnd(kJob).error(), "no such method");
+  EXPECT_EQ(WaitForEnd(kStagedJob).error(), "no such method");
   EXPECT_EQ(finisher_.tried().size(), 1u);
 }
 
 TEST_F(FinisherStageTest, ACancelledJobFreesTheFinisher) {
-  Commit(kJob, Spec(20, 12));
+  Commit(kStagedJob, Spec(20, 12));
   finisher_.Hang();
   Start();
   while (finisher_.tried().empty()) absl::SleepFor(absl::Milliseconds(5));
-  coordinator_->changes().CancelJob(kJob.value(), [](const absl::StatusOr<v1::JobStatus>& status) {
+  coordinator_->changes().CancelJob(kStagedJob.value(), [](const absl::StatusOr<v1::JobStatus>& status) {
     ASSERT_TRUE(status.ok()) << status.status();
     EXPECT_EQ(status->state(), v1::JOB_STATE_CANCELLED);
   });
-  EXPECT_EQ(WaitForEnd(kJob).state(), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(WaitForEnd(kStagedJob).state(), v1::JOB_STATE_CANCELLED);
   coordinator_->Shutdown();  // joins the finisher's thread, which is not in Finish any more
 }
 
 TEST_F(FinisherStageTest, AsManyFramesAsThereArePlacesAreFinishedAtATime) {
-  Commit(kJob, Spec(20, 12));
+  Commit(kStagedJob, Spec(20, 12));
   Commit(kOther, Spec(20, 12));
   finisher_.Hang();
   Start(2);
   while (finisher_.tried().size() < 2) absl::SleepFor(absl::Milliseconds(5));
-  EXPECT_THAT(finisher_.tried(), testing::UnorderedElementsAre(kJob, kOther));
+  EXPECT_THAT(finisher_.tried(), testing::UnorderedElementsAre(kStagedJob, kOther));
   v1::ExplainJobResponse explained = *coordinator_->jobs().ExplainJob(kOther.value());
   EXPECT_TRUE(std::any_of(explained.reasons().begin(), explained.reasons().end(),
                           [](const v1::Reason& reason) { return reason.code() == "filter_running"; }));
@@ -156,10 +156,10 @@ TEST_F(FinisherStageTest, AsManyFramesAsThereArePlacesAreFinishedAtATime) {
 }
 
 TEST_F(FinisherStageTest, DamageThatNoRecordExplainsFailsTheJob) {
-  Commit(kJob, Spec(20, 12));
-  finisher_.Fail(kJob, 9, absl::DataLossError("ledger: something else"));
+  Commit(kStagedJob, Spec(20, 12));
+  finisher_.Fail(kStagedJob, 9, absl::DataLossError("ledger: something else"));
   Start();
-  const v1::JobStatus status = WaitForEnd(kJob);
+  const v1::JobStatus status = WaitForEnd(kStagedJob);
   EXPECT_EQ(status.state(), v1::JOB_STATE_FAILED);
   EXPECT_THAT(status.error(), HasSubstr("something else"));
 }

@@ -19,7 +19,7 @@ using ::testing::ElementsAre;
 using ::testing::Gt;
 using ::testing::HasSubstr;
 
-const job::JobId kJob("j-1");
+const job::JobId kPreviewJob("j-1");
 
 LayeredImage PictureOf(const v1::Preview& preview) {
   absl::StatusOr<LayeredImage> picture = rpc::ImageFromBytes(preview.layout(), preview.planes(), {});
@@ -29,12 +29,14 @@ LayeredImage PictureOf(const v1::Preview& preview) {
 
 class MakePreviewTest : public CommittedFrameFixture {
  protected:
-  absl::StatusOr<v1::Preview> Make() { return MakePreview(folder_, *store_, kJob, 0, {}, /*pool=*/nullptr); }
+  absl::StatusOr<v1::Preview> Make() {
+    return MakePreview(folder_, *store_, kPreviewJob, 0, {}, /*pool=*/nullptr);
+  }
 };
 
 TEST_F(MakePreviewTest, OfAllUnitsItIsTheFilteredFilm) {
   const v1::JobSpec spec = Spec(40, 30);
-  Commit(kJob, spec);
+  Commit(kPreviewJob, spec);
   const absl::StatusOr<v1::Preview> preview = Make();
   ASSERT_TRUE(preview.ok()) << preview.status();
   EXPECT_EQ(preview->units(), job::FrameUnits(spec).count());
@@ -60,7 +62,7 @@ TEST_F(MakePreviewTest, OfAllUnitsItIsTheFilteredFilm) {
 TEST_F(MakePreviewTest, TheErrorIsMissingWhereTheMethodDoesNotKnowIt) {
   v1::JobSpec spec = Spec(16, 16);
   spec.mutable_filter()->set_method("bilateral");
-  Commit(kJob, spec, /*is_forward=*/true, [](const job::UnitKey& key) { return key.tile < 3; });
+  Commit(kPreviewJob, spec, /*is_forward=*/true, [](const job::UnitKey& key) { return key.tile < 3; });
   const absl::StatusOr<v1::Preview> preview = Make();
   ASSERT_TRUE(preview.ok()) << preview.status();
   EXPECT_FALSE(PictureOf(*preview).Has("error.Y"));
@@ -71,7 +73,7 @@ TEST_F(MakePreviewTest, TheErrorIsMissingWhereTheMethodDoesNotKnowIt) {
 TEST_F(MakePreviewTest, TilesWithoutPassesAreBlackAndOthersHaveTheSamplesThatTheyHave) {
   // Of four tiles, the first has all passes, the second the first pass, the third its geometry, the fourth
   // nothing.
-  Commit(kJob, Spec(16, 16), /*is_forward=*/true, [](const job::UnitKey& key) {
+  Commit(kPreviewJob, Spec(16, 16), /*is_forward=*/true, [](const job::UnitKey& key) {
     const bool is_geometry = key.kind == v1::UNIT_KIND_GEOMETRY;
     return key.tile == 0 || (key.tile == 1 && key.pass == 0) || (key.tile == 2 && is_geometry);
   });
@@ -95,7 +97,8 @@ TEST_F(MakePreviewTest, TilesWithoutPassesAreBlackAndOthersHaveTheSamplesThatThe
 }
 
 TEST_F(MakePreviewTest, ALargeFrameIsReduced) {
-  Commit(kJob, Spec(1030, 9), /*is_forward=*/true, [](const job::UnitKey& key) { return key.pass == 0; });
+  Commit(kPreviewJob, Spec(1030, 9), /*is_forward=*/true,
+         [](const job::UnitKey& key) { return key.pass == 0; });
   const absl::StatusOr<v1::Preview> preview = Make();
   ASSERT_TRUE(preview.ok()) << preview.status();
   EXPECT_EQ(preview->reduction(), 3);
@@ -108,7 +111,7 @@ TEST_F(MakePreviewTest, ALargeFrameIsReduced) {
 TEST_F(MakePreviewTest, AFrameOfFewSamplesIsReduced) {
   v1::JobSpec large = Spec(260, 9);
   large.set_first_pass_samples(2);
-  Commit(kJob, large, /*is_forward=*/true,
+  Commit(kPreviewJob, large, /*is_forward=*/true,
          [](const job::UnitKey& key) { return key.pass == 0 && key.tile < 20; });
   const absl::StatusOr<v1::Preview> preview = Make();
   ASSERT_TRUE(preview.ok()) << preview.status();
@@ -121,16 +124,16 @@ TEST_F(MakePreviewTest, AFrameOfFewSamplesIsReduced) {
 TEST_F(MakePreviewTest, ASmallFrameIsNotReduced) {
   v1::JobSpec small = Spec(250, 9);
   small.set_first_pass_samples(2);
-  Commit(kJob, small, /*is_forward=*/true, [](const job::UnitKey& key) { return key.pass == 0; });
+  Commit(kPreviewJob, small, /*is_forward=*/true, [](const job::UnitKey& key) { return key.pass == 0; });
   EXPECT_EQ(Make()->reduction(), 1);
 }
 
 TEST_F(MakePreviewTest, ARegionHasItsPixelsAndNoOthers) {
   const v1::JobSpec spec = Spec(1030, 20);
-  Commit(kJob, spec);
+  Commit(kPreviewJob, spec);
   const Rect region = {601, 3, 1030, 20};
   const absl::StatusOr<v1::Preview> preview =
-      MakePreview(folder_, *store_, kJob, 0, {.region = region}, nullptr);
+      MakePreview(folder_, *store_, kPreviewJob, 0, {.region = region}, nullptr);
   ASSERT_TRUE(preview.ok()) << preview.status();
   EXPECT_EQ(preview->reduction(), 1);
   EXPECT_EQ(preview->region().x1(), 1030);
@@ -143,17 +146,17 @@ TEST_F(MakePreviewTest, ARegionHasItsPixelsAndNoOthers) {
       ASSERT_EQ(picture.Get("Z").At(x, y), film.Get("Z").At(region.x0 + x, region.y0 + y));
   }
   const Rect outside = {601, 3, 1031, 20};
-  EXPECT_EQ(MakePreview(folder_, *store_, kJob, 0, {.region = outside}, nullptr).status().code(),
+  EXPECT_EQ(MakePreview(folder_, *store_, kPreviewJob, 0, {.region = outside}, nullptr).status().code(),
             absl::StatusCode::kInvalidArgument);
 }
 
 TEST_F(MakePreviewTest, WithoutUnitsThereIsNone) {
-  Commit(kJob, Spec(16, 16), /*is_forward=*/true, [](const job::UnitKey&) { return false; });
+  Commit(kPreviewJob, Spec(16, 16), /*is_forward=*/true, [](const job::UnitKey&) { return false; });
   EXPECT_EQ(Make().status().code(), absl::StatusCode::kOutOfRange);
 }
 
 TEST_F(MakePreviewTest, ALayerIsTakenOutOfIt) {
-  Commit(kJob, Spec(16, 16));
+  Commit(kPreviewJob, Spec(16, 16));
   const v1::Preview all = *Make();
   const auto channels = [&all](const std::string& layer) {
     const absl::StatusOr<v1::Preview> part = LayerOfPreview(all, layer);

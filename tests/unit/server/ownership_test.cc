@@ -20,8 +20,8 @@ using ::testing::Not;
 using ::testing::UnorderedElementsAre;
 using Stub = v1::FarmService::Stub;
 
-constexpr char kAnn[] = "person/ann/submit";
-constexpr char kBob[] = "person/bob/submit";
+constexpr char kOwnerAnn[] = "person/ann/submit";
+constexpr char kOwnerBob[] = "person/bob/submit";
 constexpr char kReader[] = "person/ann/read";
 constexpr char kAdmin[] = "person/root/admin";
 
@@ -148,31 +148,32 @@ TEST_F(OwnershipTest, EachCellOfTheTableHolds) {
 }
 
 TEST_F(OwnershipTest, AJobOfSomebodyElseDoesNotExist) {
-  const std::string job = Submitted(kBob);
-  const auto of_ann = AllOfJob(kAnn, job);
-  const auto missing = AllOfJob(kAnn, std::string(job.size(), 'x'));
+  const std::string job = Submitted(kOwnerBob);
+  const auto of_ann = AllOfJob(kOwnerAnn, job);
+  const auto missing = AllOfJob(kOwnerAnn, std::string(job.size(), 'x'));
   for (const auto& [name, answer] : of_ann) {
     EXPECT_EQ(answer.error_code(), grpc::StatusCode::NOT_FOUND) << name << " " << answer.error_message();
     EXPECT_EQ(answer.error_message(), absl::StrCat("no job ", job)) << name;
     EXPECT_EQ(missing.at(name).error_message(), absl::StrCat("no job ", std::string(job.size(), 'x')))
         << name;
   }
-  EXPECT_TRUE(OfJob(kBob, job, &Stub::GetJob).ok()) << "it was changed";
+  EXPECT_TRUE(OfJob(kOwnerBob, job, &Stub::GetJob).ok()) << "it was changed";
 }
 
 TEST_F(OwnershipTest, OwnersAndAdminsReachIt) {
-  for (const std::string caller : {kBob, kAdmin, "local"}) {
-    const std::string job = Submitted(kBob);
+  for (const std::string caller : {kOwnerBob, kAdmin, "local"}) {
+    const std::string job = Submitted(kOwnerBob);
     for (const auto& [name, answer] : AllOfJob(caller, job)) {
       EXPECT_NE(answer.error_code(), grpc::StatusCode::NOT_FOUND) << caller << " " << name;
       EXPECT_NE(answer.error_code(), grpc::StatusCode::PERMISSION_DENIED) << caller << " " << name;
     }
-    EXPECT_EQ(OfJob(kBob, job, &Stub::GetJob).error_code(), grpc::StatusCode::NOT_FOUND) << "it is deleted";
+    EXPECT_EQ(OfJob(kOwnerBob, job, &Stub::GetJob).error_code(), grpc::StatusCode::NOT_FOUND)
+        << "it is deleted";
   }
 }
 
 TEST_F(OwnershipTest, AReadTokenChangesNothing) {
-  const std::string job = Submitted(kAnn);
+  const std::string job = Submitted(kOwnerAnn);
   EXPECT_EQ(SubmitAs(kReader, "by a reader", "", nullptr).error_code(), grpc::StatusCode::PERMISSION_DENIED);
   for (const auto& [name, answer] : AllOfJob(kReader, job)) {
     const bool may = access::AccessOf(access::Role::kRead, absl::StrCat("/lumifold.v1.FarmService/", name)) !=
@@ -183,10 +184,10 @@ TEST_F(OwnershipTest, AReadTokenChangesNothing) {
 
 TEST_F(OwnershipTest, AJobBelongsToItsSubmitter) {
   std::string job;
-  ASSERT_TRUE(SubmitAs(kAnn, "own", "ann", &job).ok());
+  ASSERT_TRUE(SubmitAs(kOwnerAnn, "own", "ann", &job).ok());
   EXPECT_EQ(*coordinator_->jobs().UserOf(job), "ann");
-  EXPECT_EQ(*coordinator_->jobs().UserOf(Submitted(kAnn)), "ann");
-  const grpc::Status refused = SubmitAs(kAnn, "for bob", "bob", nullptr);
+  EXPECT_EQ(*coordinator_->jobs().UserOf(Submitted(kOwnerAnn)), "ann");
+  const grpc::Status refused = SubmitAs(kOwnerAnn, "for bob", "bob", nullptr);
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::PERMISSION_DENIED);
   EXPECT_THAT(refused.error_message(), HasSubstr("scheduling.user is \"bob\""));
   ASSERT_TRUE(SubmitAs(kAdmin, "for bob", "bob", &job).ok());
@@ -196,48 +197,48 @@ TEST_F(OwnershipTest, AJobBelongsToItsSubmitter) {
 
 TEST_F(OwnershipTest, ARequestIdOfSomebodyElseGivesNoJob) {
   std::string job;
-  ASSERT_TRUE(SubmitAs(kBob, "guessed", "", &job).ok());
+  ASSERT_TRUE(SubmitAs(kOwnerBob, "guessed", "", &job).ok());
   std::string other;
-  EXPECT_EQ(SubmitAs(kAnn, "guessed", "", &other).error_code(), grpc::StatusCode::ALREADY_EXISTS);
+  EXPECT_EQ(SubmitAs(kOwnerAnn, "guessed", "", &other).error_code(), grpc::StatusCode::ALREADY_EXISTS);
   EXPECT_EQ(other, "");
 }
 
 TEST_F(OwnershipTest, AJobWaitsForOwnJobsOnly) {
-  const std::string of_bob = Submitted(kBob);
+  const std::string of_bob = Submitted(kOwnerBob);
   v1::SubmitJobRequest request;
   *request.mutable_spec() = Spec();
   request.set_request_id("waits");
   request.mutable_scheduling()->add_after(of_bob);
   v1::SubmitJobResponse response;
-  const grpc::Status refused = Call(kAnn, &Stub::SubmitJob, request, &response);
+  const grpc::Status refused = Call(kOwnerAnn, &Stub::SubmitJob, request, &response);
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(refused.error_message(), absl::StrCat("scheduling.after: there is no job \"", of_bob, "\""));
-  EXPECT_TRUE(Call(kBob, &Stub::SubmitJob, request, &response).ok());
+  EXPECT_TRUE(Call(kOwnerBob, &Stub::SubmitJob, request, &response).ok());
 }
 
 TEST_F(OwnershipTest, AListHasOwnJobsInFullPages) {
   std::set<std::string> of_ann;
   std::set<std::string> all;
   for (int i = 0; i < 5; ++i) {
-    of_ann.insert(Submitted(kAnn));
-    for (int j = 0; j < 3; ++j) all.insert(Submitted(kBob));
+    of_ann.insert(Submitted(kOwnerAnn));
+    for (int j = 0; j < 3; ++j) all.insert(Submitted(kOwnerBob));
   }
   all.insert(of_ann.begin(), of_ann.end());
-  for (const int limit : {0, 1, 2, 5}) EXPECT_EQ(Listed(kAnn, "", limit), of_ann) << limit;
+  for (const int limit : {0, 1, 2, 5}) EXPECT_EQ(Listed(kOwnerAnn, "", limit), of_ann) << limit;
   EXPECT_EQ(Listed(kReader, "ann"), of_ann);
-  EXPECT_THAT(Listed(kAnn, "bob"), IsEmpty());
+  EXPECT_THAT(Listed(kOwnerAnn, "bob"), IsEmpty());
   EXPECT_EQ(Listed(kAdmin, "ann"), of_ann);
   EXPECT_THAT(Listed(kAdmin), testing::IsSupersetOf(all));
   v1::ListJobsRequest request;
   request.set_limit(2);
   v1::ListJobsResponse response;
-  ASSERT_TRUE(Call(kAnn, &Stub::ListJobs, request, &response).ok());
+  ASSERT_TRUE(Call(kOwnerAnn, &Stub::ListJobs, request, &response).ok());
   EXPECT_EQ(response.jobs_size(), 2) << "a page is full although other jobs lie between";
 }
 
 TEST_F(OwnershipTest, AListOfWorkersDoesNotTellWhatTheyDoForOthers) {
   PumpedWorker worker(coordinator_.get(), 1);
-  const std::string of_bob = Submitted(kBob);
+  const std::string of_bob = Submitted(kOwnerBob);
   Await([&] { return worker.leases() > 0; });
   const auto jobs = [&](const std::string& caller) {
     v1::ListWorkersResponse response;
@@ -249,15 +250,15 @@ TEST_F(OwnershipTest, AListOfWorkersDoesNotTellWhatTheyDoForOthers) {
   };
   EXPECT_THAT(jobs(kAdmin), UnorderedElementsAre(of_bob));
   EXPECT_THAT(jobs("person/bob/read"), UnorderedElementsAre(of_bob));
-  EXPECT_THAT(jobs(kAnn), IsEmpty());
+  EXPECT_THAT(jobs(kOwnerAnn), IsEmpty());
   v1::GetLogRequest log;
   log.set_worker("w-1");
   v1::GetLogResponse events;
-  EXPECT_EQ(Call(kAnn, &Stub::GetLog, log, &events).error_code(), grpc::StatusCode::PERMISSION_DENIED);
+  EXPECT_EQ(Call(kOwnerAnn, &Stub::GetLog, log, &events).error_code(), grpc::StatusCode::PERMISSION_DENIED);
 }
 
 TEST_F(OwnershipTest, AWorkersIdIsOfNoUseToAnother) {
-  const std::string job = Submitted(kAnn);
+  const std::string job = Submitted(kOwnerAnn);
   const auto context = As("worker/node-7");
   const auto stream = workers().Work(context.get());
   v1::WorkerMessage message;
@@ -283,8 +284,8 @@ TEST_F(OwnershipTest, AWorkersIdIsOfNoUseToAnother) {
 }
 
 TEST_F(OwnershipTest, ARevokedCallerLosesItsOpenStreams) {
-  const std::string job = Submitted(kAnn);
-  const auto context = As(kAnn);
+  const std::string job = Submitted(kOwnerAnn);
+  const auto context = As(kOwnerAnn);
   v1::WatchJobRequest request;
   request.set_job_id(job);
   const auto reader = farm().WatchJob(context.get(), request);
@@ -300,13 +301,13 @@ TEST_F(OwnershipTest, ARevokedCallerLosesItsOpenStreams) {
 }
 
 TEST_F(OwnershipTest, ChangesAndRefusalsAreInTheAuditLog) {
-  const std::string job = Submitted(kAnn);
-  OfJob(kAnn, job, &Stub::GetJob);
-  OfJob(kAnn, job, &Stub::PauseJob);
-  OfJob(kBob, job, &Stub::CancelJob);
+  const std::string job = Submitted(kOwnerAnn);
+  OfJob(kOwnerAnn, job, &Stub::GetJob);
+  OfJob(kOwnerAnn, job, &Stub::PauseJob);
+  OfJob(kOwnerBob, job, &Stub::CancelJob);
   OfJob(kReader, job, &Stub::CancelJob);
   OfJob("", job, &Stub::GetJob);
-  CallByPath(kAnn, "/lumifold.v1.WorkerService/Work");
+  CallByPath(kOwnerAnn, "/lumifold.v1.WorkerService/Work");
   const std::string audit = AuditText();
   EXPECT_THAT(audit, HasSubstr(absl::StrCat("identity=\"ann\" role=submit id=id-of-ann address=",
                                             "unknown rpc=lumifold.v1.FarmService/SubmitJob subject=\"", job,

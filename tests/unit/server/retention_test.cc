@@ -93,6 +93,10 @@ TEST(Retention, TheQuotaTakesFilmsAndThenResults) {
   retention.Forget(kOld);
   EXPECT_EQ(retention.used_bytes(), 90u);
   EXPECT_FALSE(retention.Next(AtHour(3), kPlenty).has_value());
+  retention.SetOtherBytes(60);
+  EXPECT_FALSE(retention.Next(AtHour(3), kPlenty).has_value()) << "the quota is not exceeded";
+  retention.SetOtherBytes(61);
+  ExpectNext(retention, AtHour(3), kPlenty, What::kJob, kNew);
 }
 
 TEST(Retention, ActiveJobsStayWhateverTheQuota) {

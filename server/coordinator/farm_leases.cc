@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "proto/logging/fields.h"
 #include "server/coordinator/farm.h"
+#include "server/picture/make_picture.h"
 
 namespace lumifold::server {
 namespace {

@@ -70,7 +70,7 @@ TEST_F(FrameQueueTest, FramesOfAJobGoInTheirOrderEachOnce) {
   EXPECT_EQ(queue_->Begin(kQueueStart)->due.number, 2);
   EXPECT_EQ(queue_->Begin(kQueueStart)->due.number, 1);
   EXPECT_FALSE(queue_->Begin(kQueueStart).has_value()) << "frame 2 is running";
-  queue_->End({JobId("j-1"), 2}, kQueueStart);
+  queue_->End({{JobId("j-1"), 2}}, kQueueStart);
   EXPECT_TRUE(queue_->TakeNews());
   EXPECT_EQ(queue_->Begin(kQueueStart)->due.round, 0);
 }

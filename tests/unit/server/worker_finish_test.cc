@@ -97,7 +97,7 @@ TEST_F(WorkerFinishTest, DeliversABlockOfALargeFrame) {
   const FrameBlocks blocks(record.spec);
   ASSERT_EQ(blocks.count(), 4);
   LocalLink link([&] {
-    CommittedUnits kept = units;
+    CommittedUnits kept = *CommittedUnits::Open(folder_, *store_, record, 0);
     kept.KeepTiles(job::FrameUnits(record.spec).tiles().TilesIn(blocks.Input(3)));
     return kept;
   });

@@ -7,9 +7,12 @@
 #include <cstring>
 #include <filesystem>
 #include <system_error>
+#include <vector>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/strip.h"
 #include "client/cli/exit_code.h"
 #include "filter/image/exr_io.h"
 
@@ -57,12 +60,26 @@ absl::Status CheckOutput(const std::string& path) {
   return absl::OkStatus();
 }
 
+/// "'noisy', 'direct'"; the picture itself has no name.
+std::string ColorLayersOf(const LayeredImage& image) {
+  std::vector<std::string> names;
+  for (const LayeredImage::Channel& channel : image.channels()) {
+    const absl::string_view name = channel.name;
+    const absl::string_view layer = absl::StripSuffix(name, ".R");
+    if (layer != name && image.HasColor({layer.data(), layer.size()}))
+      names.push_back(absl::StrCat("'", layer, "'"));
+  }
+  if (image.HasColor("")) names.insert(names.begin(), "the picture itself");
+  return names.empty() ? "none" : absl::StrJoin(names, ", ");
+}
+
 absl::Status WriteLayer(const std::string& exr_path, const std::string& layer,
                         const pictures::DisplayOptions& display, const std::string& path) {
   const absl::StatusOr<LayeredImage> image = ReadExr(exr_path);
   if (!image.ok()) return OfThisMachine(image.status());
   if (!image->HasColor(layer)) {
-    return absl::NotFoundError(absl::StrCat(exr_path, ": has no colour layer '", layer, "'"));
+    return absl::NotFoundError(
+        absl::StrCat(exr_path, ": has no colour layer '", layer, "'; it has ", ColorLayersOf(*image)));
   }
   return OfThisMachine(pictures::WriteDisplayed(path, image->GetColor(layer), display));
 }

@@ -34,10 +34,11 @@ std::string SubmittedText(const v1::JobStatus& status) {
                           absl::UTCTimeZone());
 }
 
+/// By samples, as the status page counts: geometry units are many and short.
 int PercentDone(const v1::JobStatus& status) {
   if (IsDone(status)) return 100;
-  if (status.units_total() <= 0) return 0;
-  return static_cast<int>(100 * status.units_done() / status.units_total());
+  if (status.samples_total() <= 0) return 0;
+  return static_cast<int>(std::min<int64_t>(100 * status.samples_done() / status.samples_total(), 100));
 }
 
 /// "0.83 MSE255, target 0.5 not reached: ..."; of a status with an estimated error.

@@ -48,7 +48,7 @@ TEST(WriteLayer, NamesTheLayerThatIsMissing) {
   const std::string exr = folder.File("a.exr");
   ASSERT_EQ(WriteExr(exr, image), absl::OkStatus());
   EXPECT_EQ(WriteLayer(exr, "noisy", {}, folder.File("a.png")),
-            absl::NotFoundError(exr + ": has no colour layer 'noisy'"));
+            absl::NotFoundError(exr + ": has no colour layer 'noisy'; it has the picture itself"));
   EXPECT_EQ(WriteLayer(exr, "", {}, folder.File("a.png")), absl::OkStatus());
   EXPECT_EQ(folder.Read("a.png").substr(1, 3), "PNG");
 }

@@ -17,6 +17,22 @@
 #include "filter/image/exr_io.h"
 
 namespace lumifold::client {
+namespace {
+
+/// "'noisy', 'direct'"; the picture itself has no name.
+std::string ColorLayersOf(const LayeredImage& image) {
+  std::vector<std::string> names;
+  for (const LayeredImage::Channel& channel : image.channels()) {
+    const absl::string_view name = channel.name;
+    const absl::string_view layer = absl::StripSuffix(name, ".R");
+    if (layer != name && image.HasColor({layer.data(), layer.size()}))
+      names.push_back(absl::StrCat("'", layer, "'"));
+  }
+  if (image.HasColor("")) names.insert(names.begin(), "the picture itself");
+  return names.empty() ? "none" : absl::StrJoin(names, ", ");
+}
+
+}  // namespace
 
 absl::StatusOr<PictureFormat> PictureFormatOf(const std::string& path) {
   if (absl::EndsWithIgnoreCase(path, ".exr")) return PictureFormat::kExr;
@@ -58,19 +74,6 @@ absl::Status CheckOutput(const std::string& path) {
         absl::StrCat("cannot write ", path, ": its name has ", length, " bytes, more than ", NAME_MAX));
   }
   return absl::OkStatus();
-}
-
-/// "'noisy', 'direct'"; the picture itself has no name.
-std::string ColorLayersOf(const LayeredImage& image) {
-  std::vector<std::string> names;
-  for (const LayeredImage::Channel& channel : image.channels()) {
-    const absl::string_view name = channel.name;
-    const absl::string_view layer = absl::StripSuffix(name, ".R");
-    if (layer != name && image.HasColor({layer.data(), layer.size()}))
-      names.push_back(absl::StrCat("'", layer, "'"));
-  }
-  if (image.HasColor("")) names.insert(names.begin(), "the picture itself");
-  return names.empty() ? "none" : absl::StrJoin(names, ", ");
 }
 
 absl::Status WriteLayer(const std::string& exr_path, const std::string& layer,

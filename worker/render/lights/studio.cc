@@ -24,9 +24,9 @@ struct Lamp {
 };
 
 constexpr std::array<Lamp, 3> kLamps = {{
-    {{-0.65f, 0.75f, 0.6f}, 2.2f, 0.80f, 0.90f},   // key
-    {{0.9f, 0.25f, 0.45f}, 0.4f, 0.55f, 0.80f},    // fill
-    {{0.25f, 0.55f, -0.85f}, 2.0f, 0.88f, 0.94f},  // rim
+    {{-0.65f, 0.75f, 0.6f}, 2.2f, 0.80f, 0.90f},  // key
+    {{0.9f, 0.25f, 0.45f}, 0.4f, 0.55f, 0.80f},   // fill
+    {{0.35f, 0.95f, -0.6f}, 2.0f, 0.88f, 0.94f},  // rim
 }};
 
 float SmoothStep(float low, float high, float x) {

@@ -83,7 +83,9 @@ TEST(Nodes, FarFromTheOriginKeepTheirDistances) {
     EXPECT_NEAR(origins[0].x, 0.06, 1e-6);
     EXPECT_NEAR(origins[1].x - origins[0].x, 0.02, 1e-6);
     EXPECT_NEAR(origins[0].z + scene.origin[2], -4649776.02, 1e-6);
-    if (has_camera) EXPECT_NEAR(scene.cameras[0].world_from_camera.origin.x, 0.25, 1e-6);
+    if (has_camera) {
+      EXPECT_NEAR(scene.cameras[0].world_from_camera.origin.x, 0.25, 1e-6);
+    }
   }
   EXPECT_EQ(MustLoad(OneTriangle()).origin, Point64{});
 }

@@ -337,7 +337,7 @@ TEST_F(SchedulerTest, ASkippedFrameIsNeitherLeasedNorCounted) {
   EXPECT_EQ(progress.samples_total, 2 * 16 * 16 * 8);
   scheduler_.workers().Add(WorkerId(1), {.numeric_class = "avx2", .slots = 100});
   const std::vector<GrantedLease> leases = scheduler_.GrantLeases(WorkerId(1), kStart);
-  EXPECT_THAT(leases, SizeIs(of_frame));
+  EXPECT_THAT(leases, testing::SizeIs(of_frame));
   for (const GrantedLease& lease : leases) {
     EXPECT_EQ(lease.unit.key.frame, 12);
     Commit(WorkerId(1), lease);
@@ -349,7 +349,7 @@ TEST_F(SchedulerTest, ASkippedFrameIsNeitherLeasedNorCounted) {
 TEST_F(SchedulerTest, AWorkerThatRestsGetsNoLeasesAndKeepsThoseItHas) {
   scheduler_.jobs().Add(kJob, Spec());
   scheduler_.workers().Add(WorkerId(1), {.name = "ann", .numeric_class = "avx2", .slots = 2});
-  EXPECT_THAT(scheduler_.GrantLeases(WorkerId(1), kStart), SizeIs(2));
+  EXPECT_THAT(scheduler_.GrantLeases(WorkerId(1), kStart), testing::SizeIs(2));
   scheduler_.workers().Rest(WorkerId(1), "off hours until 19:00");
   const WorkerInfo info = *scheduler_.workers().Describe(WorkerId(1));
   EXPECT_EQ(info.state, v1::WORKER_STATE_RESTING);

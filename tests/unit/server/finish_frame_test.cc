@@ -86,6 +86,18 @@ TEST_F(FinishFrameTest, AFrameOfSeveralBlocksIsTheWholeFilmFilteredInBlocks) {
   }
 }
 
+TEST_F(FinishFrameTest, TheFileKnowsNothingOfTheLogsThatUnitsAreIn) {
+  v1::JobSpec spec = Spec(20, 12);
+  spec.mutable_filter()->set_method("none");
+  Commit(kFilteredJob, spec);
+  Finish(kFilteredJob, nullptr, {});
+  const JobId other("j-2");
+  logs_ = 3;
+  Commit(other, spec);
+  Finish(other, nullptr, {});
+  EXPECT_EQ(Result(kFilteredJob), Result(other));
+}
+
 TEST_F(FinishFrameTest, TheFileKnowsNothingOfThreadsOrTheOrderOfUnits) {
   v1::JobSpec spec = Spec(120, 80);
   spec.mutable_filter()->set_method("none");

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "server/film/unit_log.h"
 #include "server/job/frame_rounds.h"
@@ -52,8 +53,12 @@ class CommittedFrameFixture : public ::testing::Test {
     ledger::NewJob job{.id = id, .request_id = id.value(), .spec = spec, .submitted = absl::Now()};
     EXPECT_TRUE(store_->CreateJob(job).ok());
     EXPECT_TRUE(MakeFolder(folder_.FilmPath(id)).ok());
-    const std::string name = folder_.UnitLogName(id, 0);
-    absl::StatusOr<film::UnitLog> log = film::UnitLog::Open(folder_.PathOf(name), 0);
+    std::vector<std::string> names;
+    std::vector<film::UnitLog> logs;
+    for (int i = 0; i < logs_; ++i) {
+      names.push_back(folder_.UnitLogName(id, 0) + (i > 0 ? absl::StrCat(".", i) : ""));
+      logs.push_back(*film::UnitLog::Open(folder_.PathOf(names.back()), 0));
+    }
     const job::FrameUnits units(spec);
     ledger::JobCommit commit;
     commit.job.job = id;
@@ -67,11 +72,12 @@ class CommittedFrameFixture : public ::testing::Test {
           {},
           RandomUnit(key, units.tiles().RectOf(key.tile), SamplesOf(spec, units, key), seed)};
       if (rays_of_) unit.stats.set_rays(rays_of_(key));
-      const film::RecordPlace place = *log->Append(Encoded(unit));
+      const size_t log = static_cast<size_t>(i) % logs.size();
+      const film::RecordPlace place = *logs[log].Append(Encoded(unit));
       ledger::UnitRecord& record = commit.units.emplace_back();
       record.unit = unit.unit;
       record.attempt = unit.attempt;
-      record.file = name;
+      record.file = names[log];
       record.offset = place.offset;
       record.length = place.length;
     }
@@ -94,6 +100,7 @@ class CommittedFrameFixture : public ::testing::Test {
   /// Of a unit, where they are set.
   std::function<uint32_t(const job::UnitKey&)> seed_of_;
   std::function<int64_t(const job::UnitKey&)> rays_of_;
+  int logs_ = 1;  // units are in these by turns, as those of several coordinators are
 
   TempFolder temp_;
   const DataFolder folder_{temp_.PathOf("data")};

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <string>
 
+#include "server/storage/disk_space.h"
 #include "tests/unit/server/faulty_files.h"
 
 namespace lumifold::server {
@@ -22,6 +23,12 @@ TEST(RemoveAll, IsContentWhereAnotherRemovesAFileMeanwhile) {
   EXPECT_EQ(RemoveAll(folder, &files), absl::OkStatus());
   EXPECT_FALSE(std::filesystem::exists(folder));
   EXPECT_EQ(RemoveAll(folder, &files), absl::OkStatus()) << "nothing is there";
+}
+
+TEST(DiskSpace, HasRoomBeyondWhatIsKept) {
+  EXPECT_EQ((DiskSpace{.free_bytes = 100, .kept_bytes = 30}).room(), 70u);
+  EXPECT_EQ((DiskSpace{.free_bytes = 30, .kept_bytes = 30}).room(), 0u);
+  EXPECT_EQ((DiskSpace{.free_bytes = 20, .kept_bytes = 30}).room(), 0u);
 }
 
 }  // namespace

@@ -95,8 +95,8 @@ TEST_F(FinishFrameTest, AFrameOfSeveralBlocksIsTheWholeFilmFilteredInBlocks) {
 TEST_F(FinishFrameTest, BlocksThatWereMadeBeforeAreUsedAndTheFileIsTheSame) {
   v1::JobSpec spec = Spec(120, 80);
   spec.set_save_film(true);
-  for (const JobId& job : {kJob, JobId("j-2")}) Commit(job, spec);
-  Finish(kJob, nullptr, kSmallBlocks);
+  for (const JobId& job : {kFilteredJob, JobId("j-2")}) Commit(job, spec);
+  Finish(kFilteredJob, nullptr, kSmallBlocks);
   const JobId other("j-2");
   const ledger::JobRecord record = *store_->GetJob(other);
   const FrameBlocks blocks(spec, kSmallBlocks);
@@ -124,7 +124,19 @@ TEST_F(FinishFrameTest, BlocksThatWereMadeBeforeAreUsedAndTheFileIsTheSame) {
   ASSERT_TRUE(
       FinishFrame(folder_, *store_, {other, {}}, 0, nullptr, [] { return absl::Now(); }, kSmallBlocks, {0, 3})
           .ok());
-  EXPECT_EQ(Result(kJob), Result(other));
+  EXPECT_EQ(Result(kFilteredJob), Result(other));
+}
+
+TEST_F(FinishFrameTest, TheFileKnowsNothingOfTheLogsThatUnitsAreIn) {
+  v1::JobSpec spec = Spec(20, 12);
+  spec.mutable_filter()->set_method("none");
+  Commit(kFilteredJob, spec);
+  Finish(kFilteredJob, nullptr, {});
+  const JobId other("j-2");
+  logs_ = 3;
+  Commit(other, spec);
+  Finish(other, nullptr, {});
+  EXPECT_EQ(Result(kFilteredJob), Result(other));
 }
 
 TEST_F(FinishFrameTest, TheFileKnowsNothingOfThreadsOrTheOrderOfUnits) {

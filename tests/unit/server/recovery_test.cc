@@ -190,10 +190,10 @@ TEST_F(RecoveryTest, AMalformedLedgerIsRefusedWithTheCommandAndKept) {
 TEST_F(RecoveryTest, ACancelledJobStaysCancelledAndDamagedManifestsAreNamed) {
   const job::JobId cancelled = Submit(Spec(3), "cancelled");
   coordinator_->changes().CancelJob(cancelled.value(), [](const absl::StatusOr<v1::JobStatus>&) {});
-  const job::JobId damaged = Submit(Spec(3), "damaged");
   PumpedWorker worker(coordinator_.get(), 1);
   EXPECT_EQ(Finish(cancelled, &worker).state(), v1::JOB_STATE_CANCELLED);
   Await([&] { return fs::exists(data_.EndedManifestPath(cancelled)); });
+  const job::JobId damaged = Submit(Spec(3), "damaged");  // no worker takes its units any more
   coordinator_->Shutdown();
   {
     std::fstream manifest(data_.ManifestPath(damaged), std::ios::in | std::ios::out | std::ios::binary);

@@ -29,7 +29,7 @@ TEST(Gaps, AreFramesAsRanges) {
 
 TEST(Gaps, MayBeNone) {
   EXPECT_THAT(SkippedFrames({}), IsEmpty());
-  EXPECT_EQ(TextOf({}), "");
+  EXPECT_EQ(TextOf(v1::Gaps()), "");
   EXPECT_FALSE(job::IsSkipped({}, 0));
 }
 

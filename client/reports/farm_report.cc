@@ -72,13 +72,13 @@ std::string WorkerJson(const v1::WorkerStatus& worker) {
   json["class"] = worker.numeric_class();
   json["tags"] = worker.tags();
   json["slots"] = worker.slots();
-  json["memory_bytes"] = worker.memory_bytes();
   json["leases"] = worker.leases();
   json["units_done"] = worker.units_done();
   json["units_failed"] = worker.units_failed();
   json["seconds_per_unit"] = worker.seconds_per_unit();
   json["connected_unix_ms"] = worker.connected_unix_ms();
   json["job_ids"] = worker.job_ids();
+  json["memory_bytes"] = worker.memory_bytes();
   if (!worker.coordinator().empty()) json["coordinator"] = worker.coordinator();
   return JsonLine(json);
 }

@@ -121,7 +121,7 @@ std::string NameBeside(const std::string& path, std::string_view suffix) {
 
 std::string FileBehind(const std::string& path) {
   std::string file = path;
-  for (int links = 0; links < 40; ++links) {  // a circle of links is an error when the file is opened
+  for (int links = 0; links < 40; ++links) {  // a circle of links is replaced
     std::error_code error;
     const std::filesystem::path target = std::filesystem::read_symlink(file, error);
     if (error) return file;

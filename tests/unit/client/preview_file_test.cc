@@ -57,7 +57,7 @@ TEST_F(PreviewFileTest, WritesWhatTheFarmShows) {
 
 TEST_F(PreviewFileTest, SaysWhyAFileCannotBeWritten) {
   EXPECT_THAT(std::string(Follow(folder_.PathOf("none/picture.png")).message()),
-              HasSubstr("none/picture.part.png"));
+              HasSubstr("none/picture.png.part.png"));
 }
 
 TEST_F(PreviewFileTest, RefusesAPictureThatIsNone) {

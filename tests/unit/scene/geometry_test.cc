@@ -189,12 +189,13 @@ TEST(Geometry, RefusesPositionsOutOfRangeOnEachSide) {
     for (const double sign : {-1.0, 1.0}) {
       GltfFixture fixture;
       fixture.AddTriangles(kTriangle);
+      fixture.AddNode({{"mesh", 0}});  // the places are relative to the first one
       std::array<double, 3> place = {};
       place[axis] = sign * 2e9;
-      fixture.json["nodes"][0]["translation"] = place;
+      fixture.json["nodes"][1]["translation"] = place;
       EXPECT_THAT(ErrorOf(fixture), HasSubstr("geometry reaches beyond 1e9 metres")) << axis << sign;
       place[axis] = sign * 9e8;
-      fixture.json["nodes"][0]["translation"] = place;
+      fixture.json["nodes"][1]["translation"] = place;
       EXPECT_TRUE(fixture.Load().ok()) << axis << sign;
     }
   }

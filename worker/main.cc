@@ -107,6 +107,14 @@ struct AssetCacheFlags {
   uint64_t gb = 20;
 };
 
+/// When the worker renders, and how it ends.
+struct TimeFlags {
+  std::optional<lumifold::worker::WorkingHours> hours;
+  std::optional<double> only_idle;
+  double drain_seconds = 30;
+  double exit_when_idle_seconds = std::numeric_limits<double>::infinity();
+};
+
 struct Flags {
   std::string server;
   std::string profile;
@@ -118,39 +126,13 @@ struct Flags {
   std::string finish = "auto";
   int niceness = 10;
   std::vector<std::string> tags;
-  double drain_seconds = 30;
-  std::optional<lumifold::worker::WorkingHours> hours;
-  std::optional<double> only_idle;
-  double exit_when_idle_seconds = std::numeric_limits<double>::infinity();
+  TimeFlags times;
   SandboxFlags sandbox;
   AssetCacheFlags asset_cache;
   std::string metrics_address;
 };
 
-void AddFlags(CLI::App* app, Flags* flags) {
-  app->add_option(
-      "--server", flags->server,
-      "Coordinator, HOST:PORT, or those of one farm: A:7700,B:7700 (default: that of the profile, "
-      "else 127.0.0.1:7700)");
-  app->add_option("--profile", flags->profile, "A profile of 'enroll' (default: the coordinator's)");
-  app->add_flag("--insecure", flags->insecure, "Allow a coordinator of another machine without encryption");
-  app->add_option("--threads", flags->threads,
-                  "Number of units rendered at the same time (default: one for each core)")
-      ->check(CLI::Range(1, 1024));
-  app->add_option("--finish", flags->finish,
-                  "Whether it also assembles and filters frames for which the coordinator has no place: auto "
-                  "or never")
-      ->check(CLI::IsMember({"auto", "never"}))
-      ->capture_default_str();
-  app->add_option(
-         "--nice", flags->niceness,
-         "Niceness at least: the worker yields to other programs of its machine, and to a coordinator, "
-         "for whom other workers may wait")
-      ->check(CLI::Range(0, 19))
-      ->capture_default_str();
-  app->add_option("--name", flags->name, "Name in the coordinator's log (default: HOST:PID)");
-  app->add_option("--tags", flags->tags, "What the machine has or may be used for: gpu,night")
-      ->delimiter(',');
+void AddTimeFlags(CLI::App* app, TimeFlags* flags) {
   app->add_option(
          "--drain-seconds", flags->drain_seconds,
          "After SIGINT or SIGTERM, and at the end of --hours: time to finish the units being rendered")
@@ -176,6 +158,33 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--exit-when-idle", flags->exit_when_idle_seconds,
                   "Seconds without a unit after which the worker ends (default: never)")
       ->check(CLI::Range(0.0, 1e9));
+}
+
+void AddFlags(CLI::App* app, Flags* flags) {
+  app->add_option(
+      "--server", flags->server,
+      "Coordinator, HOST:PORT, or those of one farm: A:7700,B:7700 (default: that of the profile, "
+      "else 127.0.0.1:7700)");
+  app->add_option("--profile", flags->profile, "A profile of 'enroll' (default: the coordinator's)");
+  app->add_flag("--insecure", flags->insecure, "Allow a coordinator of another machine without encryption");
+  app->add_option("--threads", flags->threads,
+                  "Number of units rendered at the same time (default: one for each core)")
+      ->check(CLI::Range(1, 1024));
+  app->add_option("--finish", flags->finish,
+                  "Whether it also assembles and filters frames for which the coordinator has no place: auto "
+                  "or never")
+      ->check(CLI::IsMember({"auto", "never"}))
+      ->capture_default_str();
+  app->add_option(
+         "--nice", flags->niceness,
+         "Niceness at least: the worker yields to other programs of its machine, and to a coordinator, "
+         "for whom other workers may wait")
+      ->check(CLI::Range(0, 19))
+      ->capture_default_str();
+  app->add_option("--name", flags->name, "Name in the coordinator's log (default: HOST:PID)");
+  app->add_option("--tags", flags->tags, "What the machine has or may be used for: gpu,night")
+      ->delimiter(',');
+  AddTimeFlags(app, &flags->times);
   app->add_option("--asset-cache", flags->asset_cache.folder,
                   "Folder of this machine where files of scenes are kept for other workers and later ones");
   app->add_option("--asset-cache-gb", flags->asset_cache.gb,
@@ -342,10 +351,10 @@ absl::StatusOr<sandbox::SandboxReport> EnterSandbox(const Flags& flags, const Ta
   return sandbox::EnterSandbox(options);
 }
 
-/// Whether the worker may render, by --hours and --only-idle; null: always. Before the sandbox, in which neither the time
-/// zone nor the load of the machine can be read.
-absl::StatusOr<std::unique_ptr<lumifold::worker::Availability>> MakeAvailability(const Flags& flags) {
-  if (!flags.hours.has_value() && !flags.only_idle.has_value()) return nullptr;
+/// Why the worker rests, by --hours and --only-idle; null: it never does. Before the sandbox, in which
+/// neither the time zone nor the load of the machine can be read.
+absl::StatusOr<std::function<std::string()>> MakeRestReason(const TimeFlags& flags) {
+  if (!flags.hours.has_value() && !flags.only_idle.has_value()) return std::function<std::string()>();
   lumifold::worker::AvailabilityOptions options = {.hours = flags.hours,
                                                    .zone = absl::LocalTimeZone(),
                                                    .wall_now = absl::Now,
@@ -358,7 +367,8 @@ absl::StatusOr<std::unique_ptr<lumifold::worker::Availability>> MakeAvailability
       return cpu->Read();
     };
   }
-  return std::make_unique<lumifold::worker::Availability>(std::move(options));
+  const auto availability = std::make_shared<lumifold::worker::Availability>(std::move(options));
+  return std::function<std::string()>([availability] { return availability->RestReason(); });
 }
 
 absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const std::string& address,
@@ -400,8 +410,8 @@ int RunWorkerProcess(const Flags& flags) {
   const absl::Status has_cache = PrepareAssetCache(flags, *target);
   const auto metrics = ListenForMetrics(flags);
   if (!metrics.ok()) return Fail(metrics.status());
-  const auto availability = MakeAvailability(flags);
-  if (!availability.ok()) return Fail(availability.status());
+  const auto rest_reason = MakeRestReason(flags.times);
+  if (!rest_reason.ok()) return Fail(rest_reason.status());
   lumifold::service::ServiceManager manager;  // before the sandbox, which lets no program open its socket
   const absl::StatusOr<sandbox::SandboxReport> sandboxed = EnterSandbox(flags, *target);
   if (!sandboxed.ok()) return Fail(sandboxed.status());
@@ -433,12 +443,10 @@ int RunWorkerProcess(const Flags& flags) {
       .asset_folder = has_cache.ok() ? flags.asset_cache.folder : "",
       .asset_folder_bytes = flags.asset_cache.gb << 30,
       .leave = &leave,
-      .drain = absl::Seconds(flags.drain_seconds),
-      .rest_reason = *availability == nullptr ? nullptr : std::function<std::string()>([&availability] {
-        return (*availability)->RestReason();
-      }),
+      .drain = absl::Seconds(flags.times.drain_seconds),
+      .rest_reason = *rest_reason,
       .check_identity = [&renewal] { return renewal.CheckNotExpired(); },
-      .exit_when_idle = absl::Seconds(flags.exit_when_idle_seconds),
+      .exit_when_idle = absl::Seconds(flags.times.exit_when_idle_seconds),
       .alive = [&manager] { manager.Alive(); },
       .metrics = metrics->has_value() ? &**metrics : nullptr,
   };

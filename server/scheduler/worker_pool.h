@@ -28,6 +28,13 @@ struct Requirement {
   friend auto operator<=>(const Requirement&, const Requirement&) = default;  // NOLINT(modernize-use-nullptr)
 };
 
+/// Units of a worker.
+struct UnitTally {
+  int64_t done = 0;
+  int64_t failed = 0;
+  absl::Duration time;  // sum over those that are done
+};
+
 struct Worker {
   WorkerTraits traits;
   int kind = 0;               // number of its class and tags, see WorkerPool
@@ -42,9 +49,7 @@ struct Worker {
   /// Mean of its times for a unit / those of the unit's job, see SecondLeases::Rate.
   double slowness = 1;
   int rated = 0;
-  int64_t units_done = 0;
-  int64_t units_failed = 0;
-  absl::Duration unit_time;  // sum over units_done
+  UnitTally units;
   LeaseAhead ahead;
 
   bool IsCooling() const { return cools_until != absl::InfinitePast(); }
@@ -69,8 +74,8 @@ struct KindCounts {
 /// The connected workers, and which of them can take a unit. Workers of equal class and tags are of one kind;
 /// kinds have numbers from 0 on. A call takes O(log n) unless it says otherwise.
 ///
-/// A worker is available unless it is unresponsive, draining, resting, blocked or cooling down; it is free if it
-/// is available, not reserved, and has a free slot.
+/// A worker is available unless it is unresponsive, draining, resting, blocked or cooling down; it is free if
+/// it is available, not reserved, and has a free slot.
 ///
 /// Threads: one at a time.
 class WorkerPool {

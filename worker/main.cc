@@ -109,6 +109,14 @@ struct AssetCacheFlags {
   uint64_t gb = 20;
 };
 
+/// When the worker renders, and how it ends.
+struct TimeFlags {
+  std::optional<lumifold::worker::WorkingHours> hours;
+  std::optional<double> only_idle;
+  double drain_seconds = 30;
+  double exit_when_idle_seconds = std::numeric_limits<double>::infinity();
+};
+
 struct Flags {
   std::string server;
   std::string profile;
@@ -120,14 +128,39 @@ struct Flags {
   std::string finish = "auto";
   int niceness = 10;
   std::vector<std::string> tags;
-  double drain_seconds = 30;
-  std::optional<lumifold::worker::WorkingHours> hours;
-  std::optional<double> only_idle;
-  double exit_when_idle_seconds = std::numeric_limits<double>::infinity();
+  TimeFlags times;
   SandboxFlags sandbox;
   AssetCacheFlags asset_cache;
   std::string metrics_address;
 };
+
+void AddTimeFlags(CLI::App* app, TimeFlags* flags) {
+  app->add_option(
+         "--drain-seconds", flags->drain_seconds,
+         "After SIGINT or SIGTERM, and at the end of --hours: time to finish the units being rendered")
+      ->check(CLI::Range(0.0, 86400.0))
+      ->capture_default_str();
+  CLI::callback_t read_hours = [flags](const CLI::results_t& texts) {
+    const auto hours = lumifold::worker::WorkingHours::Parse(texts.back());
+    if (!hours.ok()) throw CLI::ValidationError("--hours", std::string(hours.status().message()));
+    flags->hours = *hours;
+    return true;
+  };
+  app->add_option("--hours", std::move(read_hours),
+                  "When it takes units, by local time: 19:00-07:00, or 'Mon-Fri 19:00-07:00,Sat-Sun "
+                  "00:00-24:00' (default: "
+                  "always)")
+      ->type_name("HOURS")
+      ->allow_extra_args(false);
+  app->add_option(
+         "--only-idle", flags->only_idle,
+         "Take units only while other programs keep less than this number of cores busy: 0.5 (default: "
+         "always)")
+      ->check(CLI::Range(0.01, 4096.0));
+  app->add_option("--exit-when-idle", flags->exit_when_idle_seconds,
+                  "Seconds without a unit after which the worker ends (default: never)")
+      ->check(CLI::Range(0.0, 1e9));
+}
 
 void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option(
@@ -154,31 +187,7 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--name", flags->name, "Name in the coordinator's log (default: HOST:PID)");
   app->add_option("--tags", flags->tags, "What the machine has or may be used for: gpu,night")
       ->delimiter(',');
-  app->add_option(
-         "--drain-seconds", flags->drain_seconds,
-         "After SIGINT or SIGTERM, and at the end of --hours: time to finish the units being rendered")
-      ->check(CLI::Range(0.0, 86400.0))
-      ->capture_default_str();
-  CLI::callback_t read_hours = [flags](const CLI::results_t& texts) {
-    const auto hours = lumifold::worker::WorkingHours::Parse(texts.back());
-    if (!hours.ok()) throw CLI::ValidationError("--hours", std::string(hours.status().message()));
-    flags->hours = *hours;
-    return true;
-  };
-  app->add_option("--hours", std::move(read_hours),
-                  "When it takes units, by local time: 19:00-07:00, or 'Mon-Fri 19:00-07:00,Sat-Sun "
-                  "00:00-24:00' (default: "
-                  "always)")
-      ->type_name("HOURS")
-      ->allow_extra_args(false);
-  app->add_option(
-         "--only-idle", flags->only_idle,
-         "Take units only while other programs keep less than this number of cores busy: 0.5 (default: "
-         "always)")
-      ->check(CLI::Range(0.01, 4096.0));
-  app->add_option("--exit-when-idle", flags->exit_when_idle_seconds,
-                  "Seconds without a unit after which the worker ends (default: never)")
-      ->check(CLI::Range(0.0, 1e9));
+  AddTimeFlags(app, &flags->times);
   app->add_option("--asset-cache", flags->asset_cache.folder,
                   "Folder of this machine where files of scenes are kept for other workers and later ones");
   app->add_option("--asset-cache-gb", flags->asset_cache.gb,
@@ -372,10 +381,10 @@ absl::StatusOr<sandbox::SandboxReport> EnterSandbox(const Flags& flags, const Ta
   return sandbox::EnterSandbox(options);
 }
 
-/// Whether the worker may render, by --hours and --only-idle; null: always. Before the sandbox, in which neither the time
-/// zone nor the load of the machine can be read.
-absl::StatusOr<std::unique_ptr<lumifold::worker::Availability>> MakeAvailability(const Flags& flags) {
-  if (!flags.hours.has_value() && !flags.only_idle.has_value()) return nullptr;
+/// Why the worker rests, by --hours and --only-idle; null: it never does. Before the sandbox, in which
+/// neither the time zone nor the load of the machine can be read.
+absl::StatusOr<std::function<std::string()>> MakeRestReason(const TimeFlags& flags) {
+  if (!flags.hours.has_value() && !flags.only_idle.has_value()) return std::function<std::string()>();
   lumifold::worker::AvailabilityOptions options = {.hours = flags.hours,
                                                    .zone = absl::LocalTimeZone(),
                                                    .wall_now = absl::Now,
@@ -388,7 +397,8 @@ absl::StatusOr<std::unique_ptr<lumifold::worker::Availability>> MakeAvailability
       return cpu->Read();
     };
   }
-  return std::make_unique<lumifold::worker::Availability>(std::move(options));
+  const auto availability = std::make_shared<lumifold::worker::Availability>(std::move(options));
+  return std::function<std::string()>([availability] { return availability->RestReason(); });
 }
 
 absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const std::string& address,
@@ -436,8 +446,8 @@ int RunWorkerProcess(const Flags& flags) {
   const absl::Status has_cache = PrepareAssetCache(flags, *target);
   const auto metrics = ListenForMetrics(flags);
   if (!metrics.ok()) return Fail(metrics.status());
-  const auto availability = MakeAvailability(flags);
-  if (!availability.ok()) return Fail(availability.status());
+  const auto rest_reason = MakeRestReason(flags.times);
+  if (!rest_reason.ok()) return Fail(rest_reason.status());
   const absl::StatusOr<uint64_t> memory_bytes = FindMemory(flags);
   if (!memory_bytes.ok()) return Fail(memory_bytes.status());
   lumifold::service::ServiceManager manager;  // before the sandbox, which lets no program open its socket
@@ -471,12 +481,10 @@ int RunWorkerProcess(const Flags& flags) {
       .asset_folder = has_cache.ok() ? flags.asset_cache.folder : "",
       .asset_folder_bytes = flags.asset_cache.gb << 30,
       .leave = &leave,
-      .drain = absl::Seconds(flags.drain_seconds),
-      .rest_reason = *availability == nullptr ? nullptr : std::function<std::string()>([&availability] {
-        return (*availability)->RestReason();
-      }),
+      .drain = absl::Seconds(flags.times.drain_seconds),
+      .rest_reason = *rest_reason,
       .check_identity = [&renewal] { return renewal.CheckNotExpired(); },
-      .exit_when_idle = absl::Seconds(flags.exit_when_idle_seconds),
+      .exit_when_idle = absl::Seconds(flags.times.exit_when_idle_seconds),
       .alive = [&manager] { manager.Alive(); },
       .metrics = metrics->has_value() ? &**metrics : nullptr,
   };

@@ -10,8 +10,8 @@
 /// changes.
 namespace lumifold::client {
 
-/// "idle", "busy", "draining", "silent", "set aside", "blocked", "resting" or "gone"; "unknown" for a state of a later
-/// version.
+/// "idle", "busy", "draining", "silent", "set aside", "blocked", "resting" or "gone"; "unknown" for a state
+/// of a later version.
 absl::string_view WorkerStateName(v1::WorkerState state);
 
 /// A line of `lumifold workers`, and its header line. `of_several`: with the name of the coordinator that the

@@ -75,7 +75,7 @@ void Farm::EnterJob(const LoadedJob& loaded) {
   resources_->log().info("event=job_restored job={} units={}/{} frames={}/{}", id.value(),
                          progress.units_done, progress.units_total, progress.frames_done,
                          progress.frames_total);
-  if (progress.state == v1::JOB_STATE_DONE) return FinishJob(id);
+  if (progress.state == v1::JOB_STATE_DONE) return EndJob(id, v1::JOB_STATE_DONE, "");
   // A job that has begun waited long enough, even if a job that it waited for runs again.
   const bool has_begun = progress.units_done > 0 || loaded.record.started != absl::InfinitePast();
   if (!has_begun) AwaitPrerequisites(id, loaded.after);
@@ -86,6 +86,8 @@ void Farm::EndJob(const JobId& job, v1::JobState state, const std::string& cause
   std::optional<ActiveJob> active = jobs.TakeActive(job);
   if (!active.has_value()) return;
   const std::string error = rpc::BoundedLine(cause, rpc::kMaxErrorBytes);
+  if (state == v1::JOB_STATE_DONE && active->record.scheduling.gaps().skipped_size() > 0)
+    state = v1::JOB_STATE_DONE_WITH_GAPS;
   EndingJob ending{.record = std::move(active->record), .shown = {}, .cancels = {}};
   if (scheduler.jobs().Has(job)) {
     const scheduler::JobProgress progress = scheduler.jobs().Progress(job);
@@ -125,19 +127,6 @@ void Farm::FailFrame(const FrameKey& frame, const std::string& cause) {
   }
   gaps->set_failed_frame(number);
   FailJob(job, cause);
-}
-
-void Farm::KeepFrame(const FrameKey& frame) {
-  ActiveJob* const active = jobs.FindActive(frame.first);
-  if (active == nullptr || active->skipping.erase(frame.second) == 0) return;
-  QueueDue(frame);
-}
-
-void Farm::FinishJob(const JobId& job) {
-  const ActiveJob* const active = jobs.FindActive(job);
-  if (active == nullptr) return;
-  const bool has_gaps = active->record.scheduling.gaps().skipped_size() > 0;
-  EndJob(job, has_gaps ? v1::JOB_STATE_DONE_WITH_GAPS : v1::JOB_STATE_DONE, "");
 }
 
 void Farm::SuspendJob(const JobId& job, v1::JobStatus shown) {

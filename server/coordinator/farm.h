@@ -65,16 +65,13 @@ class Farm {
   void StartJob(ledger::JobRecord record, const std::vector<job::Prerequisite>& after);
   /// A job becomes active that has been on the disk.
   void EnterJob(const LoadedJob& loaded);
-  /// Ends an active job: its leases are revoked at once, its end is recorded. No effect on other jobs.
+  /// Ends an active job: its leases are revoked at once, its end is recorded. One that is done and skips
+  /// frames is done with gaps. No effect on other jobs.
   void EndJob(const job::JobId& job, v1::JobState state, const std::string& cause);
   /// Fails a job.
   void FailJob(const job::JobId& job, const std::string& cause) { EndJob(job, v1::JOB_STATE_FAILED, cause); }
   /// A frame cannot be rendered: its job fails, or skips it.
   void FailFrame(const FrameKey& frame, const std::string& cause);
-  /// A frame could not be skipped for now: it is tried again.
-  void KeepFrame(const FrameKey& frame);
-  /// All frames of a job are finished, or skipped.
-  void FinishJob(const job::JobId& job);
   /// An active job leaves the scheduler and the finisher, until EnterJob. `shown`: what clients see if it is
   /// not active.
   void SuspendJob(const job::JobId& job, v1::JobStatus shown);

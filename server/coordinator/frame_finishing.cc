@@ -191,7 +191,7 @@ void FrameFinishing::OnFrameRecorded(const DueFrame& frame, const v1::FrameRepor
   resources_->log().info("event=frame_finished job={} frame={} filter_seconds={:.3f}{}", job.value(),
                          frame.number, times.filter_seconds(), error);
   farm->watchers.MarkChanged(job);
-  if (farm->scheduler.frames().Finish(job, frame.number)) farm->FinishJob(job);
+  if (farm->scheduler.frames().Finish(job, frame.number)) farm->EndJob(job, v1::JOB_STATE_DONE, "");
 }
 
 }  // namespace lumifold::server

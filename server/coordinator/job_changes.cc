@@ -77,7 +77,10 @@ void JobChanges::SkipFrame(const FrameKey& frame, const std::string& cause) {
           if (answer.ok()) return;
           FarmState::Change farm(state_);
           if (absl::IsInvalidArgument(answer.status())) return farm->FailJob(frame.first, cause);
-          farm->KeepFrame(frame);
+          ActiveJob* const active = farm->jobs.FindActive(frame.first);
+          if (active == nullptr) return;
+          active->skipping.erase(frame.second);  // it is tried again
+          farm->QueueDue(frame);
         });
 }
 

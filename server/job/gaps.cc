@@ -9,8 +9,8 @@
 namespace lumifold::job {
 namespace {
 
-/// Skipped frames that say nothing about the job's others. Twice as many let a job without any good frame cost
-/// twice as much, half as many let one end that begins with a few bad ones.
+/// Skipped frames that say nothing about the job's others. Twice as many let a job without any good frame
+/// cost twice as much, half as many let one end that begins with a few bad ones.
 constexpr int kFewFrames = 10;
 
 }  // namespace

@@ -41,12 +41,11 @@ struct ReopenedJob {
 /// this one mechanism: its spec may change, frames are reopened, and the units that still fit are kept.
 class ReopenPlan {
  public:
-  /// Nothing named, on a job that failed, was cancelled or is done with gaps: it goes on where it was, and skips
-  /// nothing. Nothing named, on a job that is done: all of it is rendered again. A request that is already met,
-  /// and a request without parts on an active job, change nothing.
-  /// Errors: kInvalidArgument for fewer samples than the job has, for a frame that it does not have, for a
-  /// region outside the picture, for a spec that exceeds a limit, for frames to skip in too many ranges, and
-  /// for skipping all.
+  /// Nothing named, on a job that failed, was cancelled or is done with gaps: it goes on where it was, and
+  /// skips nothing. Nothing named, on a job that is done: all of it is rendered again. A request that is
+  /// already met, and a request without parts on an active job, change nothing. Errors: kInvalidArgument for
+  /// fewer samples than the job has, for a frame that it does not have, for a region outside the picture, for
+  /// a spec that exceeds a limit, for frames to skip in too many ranges, and for skipping all.
   static absl::StatusOr<ReopenPlan> Make(const ReopenedJob& job, const ReopenRequest& request);
 
   bool ChangesNothing() const { return frames_.empty() && !changes_gaps_; }

@@ -47,7 +47,7 @@ void Audits::Begin(const UnitIndex& unit, const std::string& worker, absl::strin
 
 void Audits::Decline(const UnitIndex& unit, WorkerId worker) {
   state_->audits.Decline(unit, state_->workers.Find(worker)->traits.name);
-  state_->workers.Change(worker, [](Worker& changed) { ++changed.units_failed; });
+  state_->workers.Change(worker, [](Worker& changed) { ++changed.units.failed; });
   leasing_->ReturnAudit(unit);
 }
 

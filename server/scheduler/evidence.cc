@@ -30,7 +30,7 @@ const Evidence::Record& Evidence::AddFailure(const UnitIndex& unit, WorkerId id,
   ++record.failures;
   record.last_error = error;
   Statement& statement = record.statements[worker.traits.party];
-  statement.witness = statement.witness || worker.units_done > 0;
+  statement.witness = statement.witness || worker.units.done > 0;
   statement.instance = worker.traits.instance;
   if (++statement.failures >= max_failures_ || permanent)
     CallImpossible(unit, worker.traits.party, &statement, now);

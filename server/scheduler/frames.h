@@ -53,8 +53,9 @@ class Frames {
   /// before the committed units of the frame. False for a frame that the job does not have.
   bool RestoreFinished(const job::JobId& job, int32_t frame);
 
-  /// The job leaves a frame out that is not finished. Call it before any lease of the job, or after Units::SetPlan;
-  /// a job that is not planned has no frames. No effect on a frame that the job does not have.
+  /// The job leaves a frame out that is not finished. Call it before any lease of the job, or after
+  /// Units::SetPlan; a job that is not planned has no frames. No effect on a frame that the job does not
+  /// have.
   void Skip(const job::JobId& job, int32_t frame);
 
   // For the other parts of the scheduler.

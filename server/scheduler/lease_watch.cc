@@ -148,7 +148,7 @@ bool LeaseWatch::ReturnOverdue(const UnitIndex& unit) {
 void LeaseWatch::CountLoss(const Lease& lease) {
   if (lease.audit || !lease.received) return;  // a worker has rendered the unit; or this one did not begin it
   const Worker& worker = *state_->workers.Find(lease.worker);
-  state_->quarantine.AddLoss(lease.unit, worker.traits.party, worker.units_done > 0);
+  state_->quarantine.AddLoss(lease.unit, worker.traits.party, worker.units.done > 0);
   if (!lease.alone) return;
   const Quarantine::Losses losses = state_->quarantine.LossesOf(lease.unit);
   std::vector<std::string> names;

@@ -58,13 +58,13 @@ void Units::OnAccepted(const Lease& lease, const UnitCost& cost, absl::Time now)
   const absl::Duration time = now - lease.granted;
   const std::optional<absl::Duration> mean = state_->second_leases.MeanOf(state_->KindOf(lease.unit));
   state_->workers.Change(lease.worker, [&](Worker& changed) {
-    ++changed.units_done;
-    changed.unit_time += time;
+    ++changed.units.done;
+    changed.units.time += time;
     changed.ahead.AddUnit(cost.rendering, cost.bytes);
     if (mean.has_value() && *mean > absl::ZeroDuration()) SecondLeases::Rate(time, *mean, &changed);
   });
   CountTime(lease, now);
-  if (const Worker& worker = *state_->workers.Find(lease.worker); worker.units_done == 1)
+  if (const Worker& worker = *state_->workers.Find(lease.worker); worker.units.done == 1)
     state_->evidence.AddWitness(worker.traits.party);
   for (const WorkerId failed : state_->evidence.Refute(lease.unit)) {
     if (failed != lease.worker) state_->health.Attribute(failed, lease.unit.job, now);
@@ -143,7 +143,7 @@ bool Units::Fail(WorkerId worker, const UnitRef& unit, Attempt attempt, const Un
                            .AddFailure(lease.unit, worker, *state_->workers.Find(worker), failure.permanent,
                                        failure.error, now)
                            .failures;
-  state_->workers.Change(worker, [](Worker& changed) { ++changed.units_failed; });
+  state_->workers.Change(worker, [](Worker& changed) { ++changed.units.failed; });
   leasing_->ReleaseSlot(worker);
   if (leasing_->MayReturn(lease.unit)) {
     // Whoever calls it impossible gets it no more: another one is asked at once.

@@ -29,6 +29,13 @@ struct Requirement {
   friend auto operator<=>(const Requirement&, const Requirement&) = default;  // NOLINT(modernize-use-nullptr)
 };
 
+/// Units of a worker.
+struct UnitTally {
+  int64_t done = 0;
+  int64_t failed = 0;
+  absl::Duration time;  // sum over those that are done
+};
+
 struct Worker {
   WorkerTraits traits;
   int kind = 0;               // number of its class, tags and memory, see WorkerPool
@@ -43,9 +50,7 @@ struct Worker {
   /// Mean of its times for a unit / those of the unit's job, see SecondLeases::Rate.
   double slowness = 1;
   int rated = 0;
-  int64_t units_done = 0;
-  int64_t units_failed = 0;
-  absl::Duration unit_time;  // sum over units_done
+  UnitTally units;
   LeaseAhead ahead;
 
   bool IsCooling() const { return cools_until != absl::InfinitePast(); }

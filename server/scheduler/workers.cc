@@ -89,9 +89,9 @@ WorkerInfo Workers::InfoOf(WorkerId id, const Worker& worker) const {
     jobs.insert(state_->jobs.Get(state_->leases.Find(attempt)->unit.job).id);
   }
   info.jobs.assign(jobs.begin(), jobs.end());
-  info.units_done = worker.units_done;
-  info.units_failed = worker.units_failed;
-  if (worker.units_done > 0) info.mean_time = worker.unit_time / worker.units_done;
+  info.units_done = worker.units.done;
+  info.units_failed = worker.units.failed;
+  if (worker.units.done > 0) info.mean_time = worker.units.time / worker.units.done;
   return info;
 }
 

@@ -33,9 +33,9 @@ class CpuClock {
   const int file_;
 };
 
-/// Whether nobody else uses a machine: how many cores the processes besides this one keep busy, and a limit. A machine
-/// is in use as soon as its load over kWindow reaches the limit, and idle again once it has stayed below for kCalm, so
-/// that a pause of whoever works there is no reason to begin. Pure state.
+/// Whether nobody else uses a machine: how many cores the processes besides this one keep busy, and a limit.
+/// A machine is in use as soon as its load over kWindow reaches the limit, and idle again once it has stayed
+/// below for kCalm, so that a pause of whoever works there is no reason to begin. Pure state.
 class OthersLoad {
  public:
   static constexpr absl::Duration kWindow = absl::Seconds(10);

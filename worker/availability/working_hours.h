@@ -11,8 +11,8 @@
 namespace lumifold::worker {
 
 /// Hours of the week by the clock on the wall, such as "19:00-07:00" (each day) or
-/// "Mon-Fri 19:00-07:00,Sat-Sun 00:00-24:00". A range that ends before it begins ends on the next day. When the
-/// clock is changed, an hour that it skips is in no range, and one that it repeats is in its range twice.
+/// "Mon-Fri 19:00-07:00,Sat-Sun 00:00-24:00". A range that ends before it begins ends on the next day. When
+/// the clock is changed, an hour that it skips is in no range, and one that it repeats is in its range twice.
 class WorkingHours {
  public:
   /// Errors: kInvalidArgument with the expected format.

@@ -51,9 +51,9 @@ struct WorkerOptions {
   /// it. Null: never.
   const threads::Event* leave = nullptr;
   absl::Duration drain = absl::Seconds(30);
-  /// Why the worker takes no leases for now; empty: it takes them. It stays connected, hands back what waits, finishes
-  /// the units being rendered within `drain`, and hands back the others. Asked several times a second; null: it
-  /// always takes leases.
+  /// Why the worker takes no leases for now; empty: it takes them. It stays connected, hands back what waits,
+  /// finishes the units being rendered within `drain`, and hands back the others. Asked several times a
+  /// second; null: it always takes leases.
   std::function<std::string()> rest_reason = nullptr;
   /// Why the worker can no longer be admitted, as its certificate has expired; asked before each connection.
   /// Null: it has none.

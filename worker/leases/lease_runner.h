@@ -74,8 +74,8 @@ class LeaseRunner {
   void Leave(const std::string& reason);
   /// Whether an operator wants it to leave after its units, however long they take.
   bool FinishesUnits() const;
-  /// Takes no leases for now, and hands back those that wait for a thread; an empty reason: takes them again. To be
-  /// called again on each connection.
+  /// Takes no leases for now, and hands back those that wait for a thread; an empty reason: takes them again.
+  /// To be called again on each connection.
   void Rest(const std::string& reason);
   bool IsLeaving() const;
   bool IsMoving() const;

@@ -20,7 +20,7 @@ Worker MakeWorker(const std::string& name, const std::string& party, uint64_t in
   worker.traits.instance = instance;
   worker.traits.name = name;
   worker.traits.party = party;
-  worker.units_done = units_done;
+  worker.units.done = units_done;
   return worker;
 }
 

@@ -21,6 +21,7 @@ using job::WorkerId;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::SizeIs;
 
 using SchedulerTest = SchedulerFixture;
 

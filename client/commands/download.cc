@@ -50,7 +50,8 @@ ExitCode RunDownload(const std::vector<std::string>& arguments, const Environmen
   }
   for (const FrameRange& range : frames.ranges) {
     for (int frame = range.first; frame <= range.last; ++frame) {
-      const absl::Status downloaded = picture.Fetch(*farm, job, frame, *progress, MakeBackoff(environment));
+      const absl::Status downloaded =
+          picture.Fetch(*farm, job, frame, *progress, remote.MakeBackoff(environment));
       if (!downloaded.ok()) return ReportError(environment, downloaded);
       ReportDownloaded(job_id, frame, picture.OutputOf(job, frame), remote.json, environment);
     }

@@ -30,6 +30,9 @@ void RemoteOptions::AddOptions(CommandLine& command_line) {
                        "A profile of 'lumifold login' (default: the coordinator's)");
   command_line.AddFlag("--insecure", &security.insecure,
                        "Allow a coordinator of another machine without encryption");
+  command_line.AddPositiveNumber("--timeout", &timeout_seconds_,
+                                 "Seconds to wait for a farm that is away (default: 30 where its storage is, "
+                                 "300 for jobs and files; no coordinator: at once)");
   AddJson(command_line, &json);
 }
 
@@ -42,19 +45,28 @@ std::unique_ptr<FarmClient> RemoteOptions::ConnectTo(const std::string& coordina
                                                      const Environment& environment) const {
   FarmClientOptions options = ClientOptions(environment);
   options.coordinators = {coordinator};
+  options.patience = absl::ZeroDuration();
   return client::ConnectTo(std::move(options));
 }
 
 FarmClientOptions RemoteOptions::ClientOptions(const Environment& environment) const {
-  return {.coordinators = coordinators_,
-          .security = security,
-          .time = environment.time,
-          .interrupted = environment.interrupted,
-          .trace_parent = environment.trace_parent};
+  FarmClientOptions options = {.coordinators = coordinators_,
+                               .security = security,
+                               .time = environment.time,
+                               .interrupted = environment.interrupted,
+                               .trace_parent = environment.trace_parent};
+  if (timeout_seconds_ > 0)
+    options.patience = options.patience_without_answer = absl::Seconds(timeout_seconds_);
+  return options;
 }
 
 std::unique_ptr<FarmClient> RemoteOptions::Connect(const Environment& environment) const {
   return client::ConnectTo(ClientOptions(environment));
+}
+
+Backoff RemoteOptions::MakeBackoff(const Environment& environment) const {
+  if (timeout_seconds_ == 0) return client::MakeBackoff(environment);
+  return {absl::Seconds(timeout_seconds_), environment.time, environment.interrupted};
 }
 
 std::unique_ptr<AccessClient> RemoteOptions::ConnectToAccess(const Environment& environment) const {

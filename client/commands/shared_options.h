@@ -35,9 +35,12 @@ struct RemoteOptions {
   std::unique_ptr<FarmClient> Connect(const Environment& environment) const;
   std::unique_ptr<AccessClient> ConnectToAccess(const Environment& environment) const;
 
+  /// Client MakeBackoff, or --timeout.
+  Backoff MakeBackoff(const Environment& environment) const;
+
   /// Those of `server`, once it is resolved.
   const std::vector<std::string>& coordinators() const { return coordinators_; }
-  /// A client of one of them.
+  /// A client of one of them, which waits for no storage.
   std::unique_ptr<FarmClient> ConnectTo(const std::string& coordinator, const Environment& environment) const;
 
   std::string server;   // a list, see rpc::ParseEndpoints
@@ -50,6 +53,7 @@ struct RemoteOptions {
   FarmClientOptions ClientOptions(const Environment& environment) const;
 
   const OptionFile* configuration_;
+  float timeout_seconds_ = 0;
   std::vector<std::string> coordinators_;
 };
 

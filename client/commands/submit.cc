@@ -67,7 +67,7 @@ absl::StatusOr<std::string> Submit(const SubmitOptions& options, FarmClient& far
   v1::SubmitJobRequest request;
   *request.mutable_spec() = MakeJobSpec(options.job);
   *request.mutable_scheduling() = options.scheduling.ToProto();
-  return SubmitScene(farm, *assets, std::move(request), progress, MakeBackoff(environment));
+  return SubmitScene(farm, *assets, std::move(request), progress, options.remote.MakeBackoff(environment));
 }
 
 ExitCode Follow(const SubmitOptions& options, const std::string& job_id, FarmClient& farm, Progress& progress,
@@ -77,14 +77,14 @@ ExitCode Follow(const SubmitOptions& options, const std::string& job_id, FarmCli
       options.remote.Connect(environment),
       {.job_id = job_id, .frame = first, .path = options.preview, .display = options.picture.display});
   const absl::StatusOr<v1::JobStatus> job =
-      FollowJob(farm, job_id, progress, MakeBackoff(environment), [](const v1::JobStatus&) {});
+      FollowJob(farm, job_id, progress, options.remote.MakeBackoff(environment), [](const v1::JobStatus&) {});
   if (!job.ok()) return ReportError(environment, job.status());
   ExitCode outcome = ReportOutcome(environment, *job);
   absl::Status written = preview == nullptr ? absl::OkStatus() : preview->Stop();
   const bool downloads = job->state() == v1::JOB_STATE_DONE && !options.picture.output.empty();
   if (written.ok() && downloads)
-    written =
-        options.picture.FetchAll(farm, *job, options.job.view.frames, progress, MakeBackoff(environment));
+    written = options.picture.FetchAll(farm, *job, options.job.view.frames, progress,
+                                       options.remote.MakeBackoff(environment));
   if (!written.ok()) outcome = ReportError(environment, written);
   const std::string output = downloads ? options.picture.OutputOf(*job, first) : "";
   if (downloads && written.ok())

@@ -20,7 +20,7 @@ ExitCode RunWait(const std::vector<std::string>& arguments, const Environment& e
   const std::unique_ptr<FarmClient> farm = remote.Connect(environment);
   QuietProgress progress(environment.err);
   const absl::StatusOr<v1::JobStatus> job =
-      FollowJob(*farm, job_id, progress, MakeBackoff(environment), [](const v1::JobStatus&) {});
+      FollowJob(*farm, job_id, progress, remote.MakeBackoff(environment), [](const v1::JobStatus&) {});
   if (!job.ok()) return ReportError(environment, job.status());
   environment.out << (remote.json ? JobJson(*job) : std::string(StateName(job->state()))) << "\n"
                   << std::flush;

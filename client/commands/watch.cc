@@ -54,12 +54,12 @@ ExitCode RunWatch(const std::vector<std::string>& arguments, const Environment& 
   ProgressWithWorkers shown(*progress, workers);
   const std::unique_ptr<PreviewFile> preview = StartPreview(remote.Connect(environment), file);
   const absl::StatusOr<v1::JobStatus> job =
-      FollowJob(*farm, file.job_id, shown, MakeBackoff(environment), print);
+      FollowJob(*farm, file.job_id, shown, remote.MakeBackoff(environment), print);
   if (!job.ok()) return ReportError(environment, job.status());
   if (preview != nullptr) {
     absl::Status written = preview->Stop();
     if (written.ok() && job->state() == v1::JOB_STATE_DONE)
-      written = FetchResult(*farm, *job, file, *progress, MakeBackoff(environment));
+      written = FetchResult(*farm, *job, file, *progress, remote.MakeBackoff(environment));
     if (!written.ok()) ReportError(environment, written);
   }
   const ExitCode outcome = ReportOutcome(environment, *job);

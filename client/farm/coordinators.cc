@@ -8,12 +8,17 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "proto/retry/schedule.h"
+#include "proto/retry/storage_away.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/status_codec.h"
 #include "proto/rpc/trace_context.h"
 
 namespace lumifold::client {
 namespace {
+
+/// Short enough that an outage of seconds costs seconds, and that Ctrl-C is noticed soon.
+constexpr retry::Pauses kPausesOfAnOutage = {.first = absl::Milliseconds(500), .longest = absl::Seconds(2)};
 
 /// Without an interruption, kCancelled means that the other side closed the connection.
 bool IsLost(const absl::Status& status) { return rpc::IsTransient(status) || absl::IsCancelled(status); }
@@ -55,11 +60,24 @@ absl::Status Coordinators::Call(const CallPolicy& policy, Try call) {
   const bool answered = false;
   absl::Duration timeout = policy.retry.try_timeout;
   if (size() > 1) timeout = std::min(timeout, policy.first_timeout);
-  return rpc::Retry(policy.retry, options_.time, [&] {
-    absl::Status status = Stream(timeout, &answered, call);
-    timeout = policy.retry.try_timeout;
-    return status;
-  });
+  const absl::Time begin = options_.time.now();
+  retry::Schedule pauses(kPausesOfAnOutage, options_.time.jitter);
+  while (true) {
+    absl::Status status = rpc::Retry(policy.retry, options_.time, [&] {
+      absl::Status tried = Stream(timeout, &answered, call);
+      timeout = policy.retry.try_timeout;
+      return tried;
+    });
+    if (!absl::IsUnavailable(status)) return status;
+    const absl::Duration pause = pauses.Next();
+    if (options_.time.now() + pause - begin > PatienceFor(status)) return status;
+    options_.time.sleep(pause);
+    if (interrupted()) return absl::CancelledError("interrupted");
+  }
+}
+
+absl::Duration Coordinators::PatienceFor(const absl::Status& status) const {
+  return retry::IsStorageAway(status) ? options_.patience : options_.patience_without_answer;
 }
 
 absl::Status Coordinators::CallOnce(absl::Duration timeout, Try call) {
@@ -78,6 +96,7 @@ absl::Status Coordinators::Stream(absl::Duration timeout, const bool* answered, 
     if (!IsLost(status)) return status;
     const std::string& lost = options_.coordinators[current_];
     current_ = (current_ + 1) % size();
+    if (retry::IsStorageAway(status) && (*answered || tried == size())) return status;
     if (*answered) return CannotReach({lost}, status.message());
     if (tried == size()) return CannotReach(options_.coordinators, status.message());
   }

@@ -33,6 +33,10 @@ struct FarmClientOptions {
   rpc::RetryEnvironment time;
   /// True after the user interrupted the program.
   std::function<bool()> interrupted;
+  /// How long idempotent calls are tried again where a coordinator says that the storage of the farm is away.
+  absl::Duration patience = absl::Seconds(30);
+  /// The same where none can be reached; then the tries of the call's policy come first.
+  absl::Duration patience_without_answer = absl::ZeroDuration();
   /// Sent with every call, see rpc::ContinueTrace; empty: none.
   std::string trace_parent = {};
 };
@@ -54,8 +58,8 @@ inline constexpr CallPolicy kShortCall = {
 /// The coordinators of one farm, any of which answers any client. Calls go to the one that answered last, the
 /// first call to one at random, so that clients and their jobs spread. A coordinator that cannot be reached,
 /// is stopping, or does not answer within the deadline is left for the next of the list at once.
-/// Errors of calls: kUnavailable of CannotReach; kCancelled when the user interrupted; otherwise the
-/// coordinator's.
+/// Errors of calls: kUnavailable of CannotReach, or as retry::IsStorageAway; kCancelled when the user
+/// interrupted; otherwise the coordinator's.
 /// Threads: one call at a time.
 class Coordinators {
  public:
@@ -72,7 +76,8 @@ class Coordinators {
   size_t size() const { return options_.coordinators.size(); }
   bool interrupted() const { return options_.interrupted(); }
 
-  /// An idempotent call. Pauses begin once all coordinators were tried.
+  /// An idempotent call. Pauses begin once all coordinators were tried. The last error, or that of the
+  /// policy's limits, is returned once the patience of the options is at its end.
   absl::Status Call(const CallPolicy& policy, Try call);
 
   /// A call that must not be repeated once it may have taken effect: one try at one coordinator. Where there
@@ -85,6 +90,7 @@ class Coordinators {
 
  private:
   const std::shared_ptr<grpc::Channel>& CurrentChannel();
+  absl::Duration PatienceFor(const absl::Status& status) const;
 
   const FarmClientOptions options_;
   const Connect connect_;

@@ -9,6 +9,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "client/cli/exit_code.h"
+#include "proto/retry/storage_away.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/sha256.h"
 
@@ -79,7 +80,8 @@ absl::StatusOr<std::string> DownloadFrom(FarmClient& farm, const std::string& jo
     const uint64_t arrived = SizeOrZero(part_path);
     const bool has_progress = arrived > offset;
     // No byte ever arrived: a wrong address, not a broken connection.
-    if (!may_retry || (!has_progress && arrived == 0)) return sha256;
+    if (!may_retry) return sha256;
+    if (!has_progress && arrived == 0 && !retry::IsStorageAway(sha256.status())) return sha256;
     if (has_progress) backoff.Reset();
     if (!backoff.Pause()) return sha256;
     offset = arrived;

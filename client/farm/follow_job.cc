@@ -8,6 +8,7 @@
 #include "absl/time/time.h"
 #include "client/farm/standstill.h"
 #include "client/reports/job_report.h"
+#include "proto/retry/storage_away.h"
 #include "proto/rpc/monotonic.h"
 
 namespace lumifold::client {
@@ -63,7 +64,8 @@ absl::StatusOr<v1::JobStatus> FollowJob(FarmClient& farm, const std::string& job
     if (answered) backoff.Reset();  // an outage begins now, however long nothing has changed before
     if (last.has_value() && HasEnded(*last)) break;
     // A stream that ends before the job is a lost connection, whatever its status.
-    const bool may_retry = status.ok() || (absl::IsUnavailable(status) && last.has_value());
+    const bool may_retry =
+        status.ok() || (absl::IsUnavailable(status) && last.has_value()) || retry::IsStorageAway(status);
     if (!may_retry) return status;
     if (!lost && !status.ok()) progress.Message(absl::StrCat(status.message(), "; trying again"));
     lost = !status.ok();

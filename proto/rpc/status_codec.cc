@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "proto/retry/storage_away.h"
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
 
@@ -16,8 +17,9 @@ static_assert(static_cast<int>(grpc::StatusCode::DATA_LOSS) == static_cast<int>(
 
 grpc::Status GrpcFromStatus(const absl::Status& status) {
   if (status.ok()) return grpc::Status::OK;
-  return {static_cast<grpc::StatusCode>(static_cast<int>(status.code())),
-          BoundedLine(std::string(status.message()), kMaxErrorBytes)};
+  const absl::Status told = retry::ForCaller(status);
+  return {static_cast<grpc::StatusCode>(static_cast<int>(told.code())),
+          BoundedLine(std::string(told.message()), kMaxErrorBytes)};
 }
 
 absl::Status StatusFromGrpc(const grpc::Status& status) {

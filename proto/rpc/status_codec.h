@@ -6,7 +6,8 @@
 
 namespace lumifold::rpc {
 
-/// The gRPC status with the same code and message. Both enumerations have the same numbers.
+/// The gRPC status with the same code and message, both as retry::ForCaller. Both enumerations have the same
+/// numbers.
 grpc::Status GrpcFromStatus(const absl::Status& status);
 
 /// The inverse of GrpcFromStatus; unknown codes become kUnknown.

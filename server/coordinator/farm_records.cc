@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "proto/logging/fields.h"
+#include "proto/retry/storage_away.h"
 #include "server/commit/committer.h"
 #include "server/coordinator/job_status.h"
 #include "server/finish/frame_finisher.h"
@@ -23,9 +24,9 @@ absl::Status FarmRecords::WriteEnd(const JobId& job, v1::JobState state, const s
   absl::Status status = resources_->store->EndJob(resources_->Owned(job), state, error);
   // Whoever waits is told now; the order stays and is carried out when the storage can be written.
   if (IsStorageError(status)) {
-    AnswerCancels(
-        job, absl::ResourceExhaustedError(absl::StrCat(
-                 "the job is stopped, but that cannot be recorded yet: ", std::string(status.message()))));
+    AnswerCancels(job,
+                  absl::UnavailableError(absl::StrCat("the job is stopped, but that cannot be recorded yet: ",
+                                                      std::string(retry::StorageAway(status).message()))));
   }
   return status;
 }

@@ -3,8 +3,8 @@
 #include <string>
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "proto/logging/job_labels.h"
+#include "proto/retry/storage_away.h"
 
 namespace lumifold::server {
 
@@ -24,8 +24,7 @@ Resources::Resources(const CoordinatorOptions& the_options, const DataFolder& th
 absl::Status Resources::NoteError(const absl::Status& status) {
   if (!absl::IsUnavailable(status)) return status;
   storage.Fail(status);
-  return absl::ResourceExhaustedError(
-      absl::StrCat("the coordinator cannot write to its storage: ", std::string(status.message())));
+  return retry::StorageAway(status);
 }
 
 void Resources::LabelJob(const job::JobId& job, const v1::Scheduling& scheduling) const {

@@ -12,6 +12,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "proto/retry/storage_away.h"
 
 namespace lumifold::ledger {
 namespace {
@@ -166,9 +167,12 @@ const SqlDialect& PostgresConnection::dialect() const { return kDialect; }
 absl::Status PostgresConnection::Error(const char* sqlstate, const std::string& message) const {
   std::string text(absl::StripAsciiWhitespace(message));
   if (!address_.password.empty()) text = absl::StrReplaceAll(text, {{address_.password, "***"}});
-  return absl::Status(
+  const absl::Status error(
       CodeOf(sqlstate == nullptr ? "" : sqlstate),
       absl::StrCat("ledger: ", address_.name, ": ", absl::StrReplaceAll(text, {{"\n", "; "}})));
+  if (!absl::IsUnavailable(error)) return error;
+  return retry::MarkStorageAway(
+      error, sqlstate == nullptr ? "the database does not answer" : "the database cannot do its work");
 }
 
 absl::Status PostgresConnection::ConnectionError() {

@@ -7,6 +7,7 @@
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
+#include "proto/retry/storage_away.h"
 
 namespace lumifold::ledger {
 namespace {
@@ -94,7 +95,7 @@ absl::Status SqliteConnection::StatusOf(int code) const {
     case SQLITE_INTERRUPT:
       if (const int cause = sqlite3_system_errno(db_.get()); cause != 0)
         absl::StrAppend(&text, " (", std::strerror(cause), ")");
-      return absl::UnavailableError(text);
+      return retry::MarkStorageAway(absl::UnavailableError(text), text);
     case SQLITE_CORRUPT:
     case SQLITE_NOTADB:
       return absl::DataLossError(text);

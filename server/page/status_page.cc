@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "proto/http/server.h"
+#include "proto/retry/storage_away.h"
 #include "proto/rpc/credentials.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/rect_codec.h"
@@ -77,10 +78,10 @@ Response JsonResponse(const nlohmann::ordered_json& json, int status = 200) {
 }
 
 Response ErrorResponse(const absl::Status& status) {
-  return JsonResponse(
-      {{"error",
-        {{"code", absl::StatusCodeToString(status.code())}, {"message", std::string(status.message())}}}},
-      HttpCodeOf(status));
+  return JsonResponse({{"error",
+                        {{"code", absl::StatusCodeToString(status.code())},
+                         {"message", std::string(retry::ForCaller(status).message())}}}},
+                      HttpCodeOf(status));
 }
 
 absl::string_view TypeOf(absl::string_view name) {

@@ -4,8 +4,8 @@
 
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "proto/logging/fields.h"
+#include "proto/retry/storage_away.h"
 
 namespace lumifold::server {
 
@@ -18,9 +18,7 @@ StorageState::StorageState(std::function<absl::Time()> wall_now, std::shared_ptr
 
 absl::Status StorageState::status() const {
   const std::optional<Outage> now = outage();
-  if (!now.has_value()) return absl::OkStatus();
-  return absl::ResourceExhaustedError(
-      absl::StrCat("the coordinator cannot write to its storage, try again later: ", now->error));
+  return now.has_value() ? now->answer : absl::OkStatus();
 }
 
 std::optional<StorageState::Outage> StorageState::outage() const {
@@ -34,7 +32,7 @@ void StorageState::Fail(const absl::Status& cause) {
   {
     absl::MutexLock lock(&mutex_);
     begins = !outage_.has_value();
-    if (begins) outage_ = Outage{error, wall_now_()};
+    if (begins) outage_ = Outage{error, retry::StorageAway(cause), wall_now_()};
   }
   if (begins) {
     log_->error("event=storage_unavailable error={}", logging::Quoted(error));

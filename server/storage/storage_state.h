@@ -29,6 +29,8 @@ class StorageState {
  public:
   struct Outage {
     std::string error;
+    /// See status().
+    absl::Status answer;
     /// Wall clock, for display.
     absl::Time since;
   };
@@ -36,7 +38,7 @@ class StorageState {
   /// `wall_now` stamps outages. `log` is told once when an outage begins and once when it ends.
   StorageState(std::function<absl::Time()> wall_now, std::shared_ptr<spdlog::logger> log);
 
-  /// OK, or kResourceExhausted with one line that says why the storage cannot be written.
+  /// OK, or retry::StorageAway of what began the outage.
   absl::Status status() const;
   bool ok() const { return !outage().has_value(); }
   std::optional<Outage> outage() const;

@@ -80,7 +80,7 @@ class SharedFolderTest(ClusterCase):
         small.fill()
         wait_until(lambda: "event=storage_unavailable" in first.log_text(), "the owner notices")
         self.assertIn("event=farm_joined", second.log_text())
-        refused = cluster.client("submit", self.scene, "--size", "8x8", at=third, check=False)
+        refused = cluster.client("submit", self.scene, "--size", "8x8", "--timeout", 1, at=third, check=False)
         self.assertIn("No space left on device", refused.stderr)
         small.free()
         self.check(cluster, job, second, *LONG_JOB)

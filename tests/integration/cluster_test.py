@@ -1,6 +1,7 @@
 """Several coordinators over one PostgreSQL database and one data folder: whatever happens to one of them, the
 picture is the same bytes as those of one process, and nothing that was acknowledged is lost."""
 
+import concurrent.futures
 import json
 import os
 import pathlib
@@ -18,6 +19,11 @@ KILLS = 20 if LONG else 3
 
 
 class ClusterTest(ClusterCase):
+    def tell_database(self, command):
+        self.postgres.stdin.write(command + "\n")
+        self.postgres.stdin.flush()
+        self.assertEqual(self.postgres.stdout.readline(), "done\n")
+
     def test_any_coordinator_answers_for_all_jobs(self):
         cluster = self.cluster(coordinators=2, workers=2)
         first, second = cluster.coordinators
@@ -134,13 +140,37 @@ class ClusterTest(ClusterCase):
         job = cluster.submit(self.scene, "--spp", 1024, at=cluster.coordinators[1])
         wait_until(lambda: cluster.status(job)["units_done"] > 0, "progress")
         for command in ("stop", "start"):
-            self.postgres.stdin.write(command + "\n")
-            self.postgres.stdin.flush()
-            self.assertEqual(self.postgres.stdout.readline(), "done\n")
+            self.tell_database(command)
             time.sleep(3)  # longer than a lease, so that all stand still for one
         self.check(cluster, job, cluster.coordinators[0], "--spp", 1024)
         for each in cluster.coordinators:
             self.assertNotIn("event=coordinator_expelled", each.log_text())
+
+    def test_clients_wait_while_the_database_is_away(self):
+        cluster = self.cluster(coordinators=2, workers=0)
+        first, second = cluster.coordinators
+        job = cluster.submit(self.scene, "--spp", 64, at=first)
+        calls = [("submit", self.scene, *SETTINGS, "--spp", 64), ("list",), ("status", job), ("pause", job),
+                 ("explain", job), ("set-priority", job, 3)]
+        self.tell_database("stop")
+        for command, *arguments in calls:
+            refused = cluster.client(command, *arguments, "--timeout", 1, at=second, check=False)
+            self.assertEqual(refused.returncode, 3, refused.stderr)
+            self.assertRegex(refused.stderr.splitlines()[-1],
+                             "^lumifold: .*the storage of the farm is away.*: the database does not answer$")
+            self.assertNotRegex(refused.stderr, "(?i)postgresql|socket|libpq|server closed")
+        with concurrent.futures.ThreadPoolExecutor(len(calls)) as pool:
+            waiting = [
+                pool.submit(cluster.client, *call, at=second, check=False, timeout=60) for call in calls
+            ]
+            time.sleep(8)
+            self.assertFalse(any(each.done() for each in waiting))
+            self.tell_database("start")
+            for each in waiting:
+                self.assertEqual(each.result().returncode, 0, each.result().stderr)
+        other = waiting[0].result().stdout.strip()
+        self.assertIn(other, cluster.client("list", at=first).stdout)
+        self.assertEqual(cluster.status(job)["state"].upper(), "PAUSED")
 
     def test_a_coordinator_that_ends_hands_its_jobs_over(self):
         cluster = self.cluster(coordinators=2, workers=2)

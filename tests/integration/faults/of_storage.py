@@ -128,7 +128,8 @@ def was_recovered(world, said):
 
 def refusal(world):
     """What `submit` says."""
-    done = world.farm.client("submit", world.references.scene("cornell-box"), "--size", "8x8", check=False)
+    done = world.farm.client("submit", world.references.scene("cornell-box"), "--size", "8x8", "--timeout", 1,
+                              check=False)
     if done.returncode == 0:
         raise AssertionError("a job was accepted although the storage cannot be written")
     return done.stderr.strip().rsplit(": ", 1)[-1]

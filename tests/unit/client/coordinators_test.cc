@@ -7,6 +7,8 @@
 #include <chrono>
 #include <map>
 
+#include "proto/retry/storage_away.h"
+#include "proto/rpc/status_codec.h"
 #include "tests/unit/client/test_environment.h"
 
 namespace lumifold::client {
@@ -19,15 +21,15 @@ using testing::IsEmpty;
 class CoordinatorsTest : public testing::Test {
  protected:
   Coordinators Make(std::vector<std::string> addresses) {
-    return Coordinators({.coordinators = std::move(addresses),
-                         .time = test_.environment.time,
-                         .interrupted = test_.environment.interrupted},
-                        [this](const std::string& address) {
-                          connected_.push_back(address);
-                          auto channel = rpc::MakeChannel(address, rpc::Security{});
-                          names_[channel.get()] = address;
-                          return channel;
-                        });
+    options_.coordinators = std::move(addresses);
+    options_.time = test_.environment.time;
+    options_.interrupted = test_.environment.interrupted;
+    return Coordinators(options_, [this](const std::string& address) {
+      connected_.push_back(address);
+      auto channel = rpc::MakeChannel(address, rpc::Security{});
+      names_[channel.get()] = address;
+      return channel;
+    });
   }
 
   // The answer is that of the coordinator's name.
@@ -48,6 +50,7 @@ class CoordinatorsTest : public testing::Test {
   }
 
   TestEnvironment test_;
+  FarmClientOptions options_;
   std::map<const grpc::Channel*, std::string> names_;
   std::map<std::string, grpc::StatusCode> codes_;
   std::vector<std::string> connected_;
@@ -104,6 +107,35 @@ TEST_F(CoordinatorsTest, NamesTheOnlyOne) {
   Coordinators coordinators = Make({"a:1"});
   EXPECT_EQ(Call(coordinators), absl::UnavailableError("cannot reach the coordinator at a:1: told by a:1"));
   EXPECT_THAT(called_, ElementsAre("a:1", "a:1", "a:1"));
+}
+
+TEST_F(CoordinatorsTest, WaitsWhileTheStorageOfTheFarmIsAway) {
+  Coordinators coordinators = Make({"a:1", "b:1"});
+  const absl::Time begin = test_.time.now;
+  const auto call = [&](absl::Duration outage) {
+    return coordinators.Call(kShortCall, [&](grpc::ClientContext&, const auto&) {
+      return test_.time.now - begin < outage ? rpc::GrpcFromStatus(retry::StorageAway(
+                                                   absl::UnavailableError("the database does not answer")))
+                                             : grpc::Status::OK;
+    });
+  };
+  EXPECT_EQ(call(absl::Seconds(8)), absl::OkStatus());
+  EXPECT_LT(test_.time.now - begin, absl::Seconds(11));
+  EXPECT_EQ(call(absl::InfiniteDuration()),
+            absl::UnavailableError(
+                "the storage of the farm is away, try again later: the database does not answer"));
+  EXPECT_GE(test_.time.now - begin, absl::Seconds(36));
+  EXPECT_LT(test_.time.now - begin, absl::Seconds(42));
+}
+
+TEST_F(CoordinatorsTest, WaitsForAnyAsLongAsIsAsked) {
+  options_.patience_without_answer = absl::Seconds(60);
+  codes_ = {{"a:1", grpc::StatusCode::UNAVAILABLE}};
+  Coordinators coordinators = Make({"a:1"});
+  const absl::Time begin = test_.time.now;
+  EXPECT_TRUE(absl::IsUnavailable(Call(coordinators)));
+  EXPECT_GE(test_.time.now - begin, absl::Seconds(57));
+  EXPECT_LE(test_.time.now - begin, absl::Seconds(61));
 }
 
 TEST_F(CoordinatorsTest, WaitsLongerForSlowOnesOnceAllWereTried) {

@@ -1,4 +1,5 @@
 #include "server/ledger/postgres_job_store.h"
+#include "proto/retry/storage_away.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -61,6 +62,9 @@ TEST_F(PostgresJobStoreTest, AServerThatGoesAwayIsUnavailableAndThenUsedAgain) {
     EXPECT_EQ(status.code(), StatusCode::kUnavailable);
     EXPECT_THAT(std::string(status.message()), HasSubstr("postgresql://"));
     EXPECT_THAT(std::string(status.message()), Not(HasSubstr("secret")));
+    EXPECT_EQ(retry::ForCaller(status),
+              absl::UnavailableError(
+                  "the storage of the farm is away, try again later: the database does not answer"));
   }
   server_->StartServer();
   EXPECT_TRUE(store_->CommitUnits({commit})->front().ok());

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -19,11 +20,13 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "filter/image/memory.h"
 #include "proto/identity/certificate.h"
 #include "proto/identity/join.h"
 #include "proto/identity/profile.h"
 #include "proto/identity/secrets.h"
 #include "proto/logging/fields.h"
+#include "proto/logging/last_words.h"
 #include "proto/logging/log_flags.h"
 #include "proto/logging/nonblocking_log.h"
 #include "proto/monitoring/endpoint.h"
@@ -35,7 +38,6 @@
 #include "proto/sandbox/sandbox.h"
 #include "proto/service/service_manager.h"
 #include "proto/threads/event.h"
-#include "server/picture/make_picture.h"
 #include "spdlog/spdlog.h"
 #include "worker/cache/asset_folder.h"
 #include "worker/connection/certificate_renewal.h"
@@ -132,10 +134,11 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--threads", flags->threads,
                   "Number of units rendered at the same time (default: one for each core)")
       ->check(CLI::Range(1, 1024));
-  app->add_option("--finish", flags->finish,
-                  "Whether it also assembles and filters frames for which the coordinator has no place: auto "
-                  "or never")
-      ->check(CLI::IsMember({"auto", "never"}))
+  app->add_option(
+         "--finish", flags->finish,
+         "Whether it also assembles and filters frames for which the coordinator has no place: auto, "
+         "never, or only, and then it renders nothing")
+      ->check(CLI::IsMember({"auto", "never", "only"}))
       ->capture_default_str();
   app->add_option(
          "--nice", flags->niceness,
@@ -300,6 +303,34 @@ absl::StatusOr<std::optional<lumifold::monitoring::EndpointSockets>> ListenForMe
   return *std::move(sockets);
 }
 
+uint64_t AddressSpaceOf(const Flags& flags) {
+  if (flags.sandbox.off) return 0;
+  return flags.sandbox.memory_mb.has_value() ? *flags.sandbox.memory_mb << 20
+                                             : sandbox::DefaultMemoryBytes(flags.threads);
+}
+
+/// Memory that the worker may use, for the coordinator. Before the sandbox.
+/// Errors: kResourceExhausted where not even a small scene would fit.
+absl::StatusOr<uint64_t> FindMemory(const Flags& flags) {
+  constexpr uint64_t kLeast = uint64_t{128} << 20;
+  constexpr uint64_t kBytesOfAnArena = uint64_t{1} << 30;
+  const uint64_t address_space = AddressSpaceOf(flags);
+  const uint64_t bytes = sandbox::MemoryOfThisProcess(address_space, flags.threads);
+  if (bytes < sandbox::UsableMemoryBytes())  // by a limit of addresses
+    lumifold::UseArenas(static_cast<int>(std::clamp<uint64_t>(bytes / kBytesOfAnArena, 1, 1024)));
+  if (bytes >= kLeast) return bytes;
+  return absl::ResourceExhaustedError(
+      absl::StrCat("not enough memory: ", bytes >> 20, " MiB are left for scenes beside ", flags.threads,
+                   " threads, and a worker needs ", kLeast >> 20,
+                   " (ulimit -v, --memory-mb, --threads, the control group)"));
+}
+
+lumifold::worker::FinishPlaces PlacesOf(const Flags& flags, uint64_t memory_bytes) {
+  if (flags.finish == "never") return {};
+  // The rest is for scenes.
+  return {.count = flags.threads, .memory_bytes = flags.finish == "only" ? memory_bytes : memory_bytes / 2};
+}
+
 /// Enters the sandbox, before any thread starts: it holds only for threads that start later.
 absl::StatusOr<sandbox::SandboxReport> EnterSandbox(const Flags& flags, const Target& target) {
   if (flags.sandbox.off) return sandbox::SandboxReport();
@@ -307,8 +338,7 @@ absl::StatusOr<sandbox::SandboxReport> EnterSandbox(const Flags& flags, const Ta
   if (!user.ok()) return user.status();
   sandbox::SandboxOptions options;
   options.user = *user;
-  options.memory_bytes = flags.sandbox.memory_mb.has_value() ? *flags.sandbox.memory_mb << 20
-                                                             : sandbox::DefaultMemoryBytes(flags.threads);
+  options.memory_bytes = AddressSpaceOf(flags);
   options.open_files = kMaxOpenFiles;
   options.file_bytes = kMaxFileBytes;
   if (!target.folder.empty()) options.writable = {target.folder};  // its certificate is renewed there
@@ -323,6 +353,12 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const std::string& addres
                                                        const lumifold::rpc::Security& security) {
   if (absl::Status status = lumifold::rpc::CheckServerAddress(address, security); !status.ok()) return status;
   return lumifold::rpc::MakeChannel(address, security, lumifold::rpc::kQuickKeepAlive);
+}
+
+void LogStart(const Flags& flags, const Target& target, uint64_t memory_bytes, spdlog::logger& log) {
+  log.info("event=start name={} server={} threads={} memory_mb={} class={}",
+           lumifold::logging::OneWord(flags.name), absl::StrJoin(target.servers, ","), flags.threads,
+           memory_bytes >> 20, lumifold::render::NumericClass());
 }
 
 lumifold::worker::WorkerLog MakeLog(const Flags& flags, const std::string& name) {
@@ -358,6 +394,8 @@ int RunWorkerProcess(const Flags& flags) {
   const absl::Status has_cache = PrepareAssetCache(flags, *target);
   const auto metrics = ListenForMetrics(flags);
   if (!metrics.ok()) return Fail(metrics.status());
+  const absl::StatusOr<uint64_t> memory_bytes = FindMemory(flags);
+  if (!memory_bytes.ok()) return Fail(memory_bytes.status());
   lumifold::service::ServiceManager manager;  // before the sandbox, which lets no program open its socket
   const absl::StatusOr<sandbox::SandboxReport> sandboxed = EnterSandbox(flags, *target);
   if (!sandboxed.ok()) return Fail(sandboxed.status());
@@ -368,8 +406,7 @@ int RunWorkerProcess(const Flags& flags) {
   const lumifold::worker::WorkerLog worker_log = MakeLog(flags, name);
   const std::shared_ptr<spdlog::logger>& log = worker_log.log;
   LogSandbox(flags, *sandboxed, *log);
-  log->info("event=start name={} server={} threads={} class={}", name, absl::StrJoin(target->servers, ","),
-            flags.threads, lumifold::render::NumericClass());
+  LogStart(flags, *target, *memory_bytes, *log);
   if (!has_cache.ok())  // what is cached is a convenience: it works without
     log->warn("event=no_asset_cache error={}", lumifold::logging::Quoted(has_cache.message()));
   if (metrics->has_value()) log->info("event=metrics address={}", (*metrics)->address);
@@ -383,8 +420,9 @@ int RunWorkerProcess(const Flags& flags) {
       .name = flags.name,
       .threads = flags.threads,
       .tags = flags.tags,
-      .finishes = flags.finish == "auto" ? flags.threads : 0,
-      .finish_memory_bytes = lumifold::server::MemoryForPictures(flags.sandbox.memory_mb.value_or(0) << 20),
+      .memory_bytes = *memory_bytes,
+      .renders = flags.finish != "only",
+      .finishing = PlacesOf(flags, *memory_bytes),
       .log = worker_log,
       .asset_folder = has_cache.ok() ? flags.asset_cache.folder : "",
       .asset_folder_bytes = flags.asset_cache.gb << 30,
@@ -409,6 +447,7 @@ int RunWorkerProcess(const Flags& flags) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  lumifold::logging::SayLastWords("lumifold-worker");
   CLI::App app(
       "Renders units for a Lumifold coordinator. SIGINT or SIGTERM lets it finish or hand back its units and "
       "leave; "

@@ -75,6 +75,7 @@ std::string WorkerJson(const v1::WorkerStatus& worker) {
   json["seconds_per_unit"] = worker.seconds_per_unit();
   json["connected_unix_ms"] = worker.connected_unix_ms();
   json["job_ids"] = worker.job_ids();
+  json["memory_bytes"] = worker.memory_bytes();
   if (!worker.coordinator().empty()) json["coordinator"] = worker.coordinator();
   return JsonLine(json);
 }

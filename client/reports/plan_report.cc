@@ -25,6 +25,9 @@ std::string PlanTable(const v1::Plan& plan) {
     if (!d.saving().empty()) absl::StrAppend(&table, " (saves ", d.saving(), ")");
     table += '\n';
   }
+  if (plan.memory_bytes() > 0)
+    absl::StrAppendFormat(&table, "A worker needs about %.1f GiB of memory for the scene.\n",
+                          static_cast<double>(plan.memory_bytes()) / (1 << 30));
   if (plan.probe_rays() == 0) return table;
   absl::StrAppendFormat(&table,
                         "The probe traced %d rays: about %.2g s of one thread. A sample of every pixel takes "
@@ -49,7 +52,8 @@ std::string PlanJson(const v1::Plan& plan) {
                                  {"probe_rays", plan.probe_rays()},
                                  {"probe_seconds", plan.probe_seconds()},
                                  {"seconds_per_sample", plan.seconds_per_sample()},
-                                 {"noise", plan.noise()}};
+                                 {"noise", plan.noise()},
+                                 {"memory_bytes", plan.memory_bytes()}};
   for (const int32_t tile : plan.tile_order()) json["tile_order"].push_back(tile);
   return JsonLine(json);
 }

@@ -16,4 +16,10 @@ void KeepFreedMemory() {
 #endif
 }
 
+void UseArenas([[maybe_unused]] int most) {
+#ifdef __GLIBC__
+  mallopt(M_ARENA_MAX, most);
+#endif
+}
+
 }  // namespace lumifold

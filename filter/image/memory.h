@@ -8,4 +8,9 @@ namespace lumifold {
 /// same. Does nothing unless the C library is GNU's.
 void KeepFreedMemory();
 
+/// Makes the C library serve all threads from so many arenas at most, >= 1. Each reserves 64 MiB of
+/// addresses, and where these are limited a thread without one tries to reserve them at every allocation.
+/// Call it before threads start. Does nothing unless the C library is GNU's.
+void UseArenas(int most);
+
 }  // namespace lumifold

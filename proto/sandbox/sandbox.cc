@@ -15,11 +15,15 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <optional>
 #include <system_error>
 
+#include "absl/algorithm/container.h"
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "proto/sandbox/landlock.h"
 #include "proto/sandbox/system_call_filter.h"
 
@@ -100,6 +104,14 @@ absl::Status Limit(__rlimit_resource resource, const char* name, uint64_t value)
   return absl::OkStatus();
 }
 
+/// The limit that the process has; none: the largest number.
+uint64_t AddressSpaceLimit() {
+  rlimit own = {};
+  return getrlimit(RLIMIT_AS, &own) != 0 || own.rlim_cur == RLIM_INFINITY
+             ? std::numeric_limits<uint64_t>::max()
+             : own.rlim_cur;
+}
+
 absl::Status LimitResources(const SandboxOptions& options, SandboxReport* report) {
   if (absl::Status status = Limit(RLIMIT_CORE, "core dumps", 0); !status.ok()) return status;
   if (prctl(PR_SET_DUMPABLE, 0) != 0) return SystemError("core dumps");
@@ -107,8 +119,10 @@ absl::Status LimitResources(const SandboxOptions& options, SandboxReport* report
   if (options.memory_bytes > 0 && kReservesAddresses) {
     report->lacking.emplace_back("memory (built with AddressSanitizer)");
   } else if (options.memory_bytes > 0) {
-    if (absl::Status status = Limit(RLIMIT_AS, "memory", options.memory_bytes); !status.ok()) return status;
-    report->up.push_back(absl::StrCat("memory ", options.memory_bytes >> 20, " MiB"));
+    // Whoever starts it as root has limited it on purpose, too.
+    const uint64_t bytes = std::min(options.memory_bytes, AddressSpaceLimit());
+    if (absl::Status status = Limit(RLIMIT_AS, "memory", bytes); !status.ok()) return status;
+    report->up.push_back(absl::StrCat("memory ", bytes >> 20, " MiB"));
   }
   if (options.open_files > 0) {
     if (absl::Status status = Limit(RLIMIT_NOFILE, "open files", options.open_files); !status.ok())
@@ -184,14 +198,44 @@ absl::Status FilterCalls(const SandboxOptions& options, SandboxReport* report) {
   return absl::OkStatus();
 }
 
-/// The limit of this process's control group, if it has one.
-std::optional<uint64_t> MemoryOfControlGroup(const std::string& control_groups) {
-  for (const char* file : {"/memory.max", "/memory/memory.limit_in_bytes"}) {
+/// The least limit of a control group and those above it.
+uint64_t LeastMemoryLimit(const std::string& root, std::string group, const std::string& file) {
+  uint64_t least = std::numeric_limits<uint64_t>::max();
+  while (true) {
     std::string text;
     uint64_t bytes = 0;
-    if (std::ifstream(control_groups + file) >> text && absl::SimpleAtoi(text, &bytes)) return bytes;
+    if (std::ifstream(absl::StrCat(root, group, "/", file)) >> text && absl::SimpleAtoi(text, &bytes))
+      least = std::min(least, bytes);
+    if (group.empty()) return least;
+    group.resize(std::min(group.size(), group.rfind('/')));
   }
-  return std::nullopt;
+}
+
+/// The limit of this process's control group: of version 2, and of the controller "memory" of version 1.
+uint64_t MemoryOfControlGroup(const ControlGroups& control_groups) {
+  constexpr char kFile[] = "memory.max";
+  constexpr char kOldFile[] = "memory.limit_in_bytes";
+  const std::string old_root = control_groups.folder + "/memory";
+  // Within a container what is mounted may be the group itself, whatever it is called outside.
+  uint64_t least =
+      std::min(LeastMemoryLimit(control_groups.folder, "", kFile), LeastMemoryLimit(old_root, "", kOldFile));
+  std::ifstream membership(control_groups.membership);  // lines of NUMBER:CONTROLLERS:GROUP
+  for (std::string line; std::getline(membership, line);) {
+    const std::vector<std::string> parts = absl::StrSplit(line, absl::MaxSplits(':', 2));
+    if (parts.size() != 3 || !absl::StartsWith(parts[2], "/")) continue;
+    const std::vector<std::string> controllers = absl::StrSplit(parts[1], ',');
+    if (parts[1].empty()) least = std::min(least, LeastMemoryLimit(control_groups.folder, parts[2], kFile));
+    if (absl::c_linear_search(controllers, "memory"))
+      least = std::min(least, LeastMemoryLimit(old_root, parts[2], kOldFile));
+  }
+  return least;
+}
+
+/// Addresses in use.
+uint64_t AddressSpaceInUse() {
+  uint64_t pages = 0;
+  std::ifstream("/proc/self/statm") >> pages;
+  return pages * static_cast<uint64_t>(sysconf(_SC_PAGESIZE));
 }
 
 }  // namespace
@@ -229,13 +273,23 @@ absl::StatusOr<SandboxReport> EnterSandbox(const SandboxOptions& options) {
   return report;
 }
 
-uint64_t UsableMemoryBytes(const std::string& control_groups) {
+uint64_t UsableMemoryBytes(const ControlGroups& control_groups) {
   const auto pages = static_cast<uint64_t>(std::max(0L, sysconf(_SC_PHYS_PAGES)));
   const uint64_t machine = pages * static_cast<uint64_t>(sysconf(_SC_PAGESIZE));
-  return std::min(machine, MemoryOfControlGroup(control_groups).value_or(machine));
+  return std::min(machine, MemoryOfControlGroup(control_groups));
 }
 
-uint64_t DefaultMemoryBytes(int threads, const std::string& control_groups) {
+uint64_t MemoryOfThisProcess(uint64_t address_space, int threads) {
+  // Stacks, and what else a thread of ours or of a library takes of the addresses.
+  constexpr uint64_t kPerThread = uint64_t{12} << 20;
+  constexpr uint64_t kOtherThreads = 16;
+  uint64_t limit = AddressSpaceLimit();
+  if (address_space > 0) limit = std::min(limit, address_space);
+  const uint64_t taken = AddressSpaceInUse() + (static_cast<uint64_t>(threads) + kOtherThreads) * kPerThread;
+  return std::min(UsableMemoryBytes(), limit > taken ? limit - taken : 0);
+}
+
+uint64_t DefaultMemoryBytes(int threads, const ControlGroups& control_groups) {
   // Stack and heap of a thread in glibc are 8 and 64 MiB of addresses, twice the heap while it is aligned.
   // gRPC, TBB and the log have threads of their own.
   constexpr uint64_t kPerThread = uint64_t{160} << 20;

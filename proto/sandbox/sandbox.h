@@ -48,12 +48,22 @@ struct SandboxReport {
 /// naming the step. After an error the process may be partly sandboxed: end it.
 absl::StatusOr<SandboxReport> EnterSandbox(const SandboxOptions& options);
 
-/// Memory of this machine or of its control group, whichever is less.
-uint64_t UsableMemoryBytes(const std::string& control_groups = "/sys/fs/cgroup");
+/// Where control groups, of version 1 or 2, are shown, and which of them this process is in.
+struct ControlGroups {
+  std::string folder = "/sys/fs/cgroup";
+  std::string membership = "/proc/self/cgroup";
+};
+
+/// Memory of this machine or of the control groups of this process, whichever is least.
+uint64_t UsableMemoryBytes(const ControlGroups& control_groups = {});
+
+/// The same, or what a limit of the address space leaves: `address_space`, or that which the process has
+/// already if that is less; 0: none. Beside `threads` threads of its own. Before threads start.
+uint64_t MemoryOfThisProcess(uint64_t address_space, int threads);
 
 /// Address space for a renderer with so many threads: the usable memory, and what threads reserve without
 /// using it. A scene that needs more fails to load, instead of making the machine swap.
-uint64_t DefaultMemoryBytes(int threads, const std::string& control_groups = "/sys/fs/cgroup");
+uint64_t DefaultMemoryBytes(int threads, const ControlGroups& control_groups = {});
 
 /// Raises the niceness of this process to `niceness`, where it is lower. For threads that start later, and
 /// this one.

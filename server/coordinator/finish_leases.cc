@@ -9,8 +9,8 @@ namespace {
 using job::Attempt;
 using job::WorkerId;
 
-/// As for units, see decision 14.
-constexpr absl::Duration kStall = absl::Minutes(10);
+/// For each pixel four times what the filter takes, in which no progress can be seen.
+constexpr absl::Duration kFilterOfAPixel = absl::Microseconds(42);
 /// A frame of one block takes a slow machine a few minutes.
 constexpr absl::Duration kLongest = absl::Minutes(30);
 
@@ -97,8 +97,9 @@ std::vector<Attempt> FinishLeases::Expired(absl::Time now,
                                            absl::FunctionRef<bool(WorkerId)> is_blocked) const {
   std::vector<Attempt> expired;
   for (const auto& [attempt, lease] : leases_) {
+    const absl::Duration standstill = lease_ + static_cast<double>(lease.pixels) * kFilterOfAPixel;
     const absl::Time end =
-        std::min({lease.heard + lease_, lease.progressed + kStall, lease.granted + kLongest});
+        std::min({lease.heard + lease_, lease.progressed + standstill, lease.granted + kLongest});
     if ((end <= now || is_blocked(lease.worker)) && !lease.is_delivered) expired.push_back(attempt);
   }
   return expired;

@@ -27,6 +27,7 @@ struct FinishLease {
   FrameKey frame;
   job::WorkerId worker{};
   uint64_t memory_bytes = 0;
+  int64_t pixels = 0;
   absl::Time granted = {};
   absl::Time heard = {};  // when the worker last named it
   int64_t progress = 0;
@@ -36,8 +37,9 @@ struct FinishLease {
 };
 
 /// The leases of workers to finish frames. They end as those of units do: with the connection, without
-/// heartbeats or progress, when the worker no longer names them; and after half an hour, so that whoever only
-/// seems to work costs no more. Pure state.
+/// heartbeats, when the worker no longer names them, and when they stand still for longer than a lease and the
+/// filter of their pixels on a slow machine; and after half an hour, so that whoever only seems to work costs
+/// no more. Pure state.
 /// Threads: one at a time.
 class FinishLeases {
  public:

@@ -44,6 +44,7 @@ v1::WorkerStatus StatusOf(const Farm& farm, const scheduler::WorkerInfo& info) {
   status.set_numeric_class(info.traits.numeric_class);
   for (const std::string& tag : info.traits.tags) status.add_tags(tag);
   status.set_slots(info.traits.slots);
+  status.set_memory_bytes(info.traits.memory_bytes);
   status.set_leases(info.leases);
   status.set_units_done(info.units_done);
   status.set_units_failed(info.units_failed);

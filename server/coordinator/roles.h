@@ -20,6 +20,7 @@
 #include "server/film/unit_record.h"
 #include "server/job/ids.h"
 #include "server/job/unit.h"
+#include "server/scheduler/types.h"
 
 namespace lumifold::access {
 struct Identity;
@@ -165,7 +166,7 @@ class WorkerApi {
   virtual void RefuseUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
                           const std::string& reason) = 0;
   virtual void FailUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
-                        const std::string& error, bool permanent) = 0;
+                        const scheduler::UnitFailure& failure) = 0;
   /// The worker will not deliver these units.
   virtual void HandBack(job::WorkerId worker, const v1::HandBack& message) = 0;
 

@@ -38,9 +38,9 @@ absl::Status CheckHello(const v1::Hello& hello) {
                                                       hello.wire_version(), ", this coordinator ",
                                                       rpc::kWireVersion));
   }
-  if (hello.numeric_class().empty() || hello.slots() < 1 || hello.slots() > kMaxSlots) {
+  if (hello.numeric_class().empty() || hello.slots() < 0 || hello.slots() > kMaxSlots) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "worker '", hello.name(), "': numeric_class must not be empty and slots must be 1 to ", kMaxSlots));
+        "worker '", hello.name(), "': numeric_class must not be empty and slots must be 0 to ", kMaxSlots));
   }
   const auto is_tag = [](const std::string& tag) { return !tag.empty() && tag.size() <= rpc::kMaxTagBytes; };
   if (hello.tags_size() > static_cast<int>(rpc::kMaxTags) ||
@@ -87,6 +87,7 @@ absl::StatusOr<WorkerId> WorkerCalls::AddWorker(const v1::Hello& hello, const ac
                                          .numeric_class = hello.numeric_class(),
                                          .instance = hello.instance(),
                                          .slots = hello.slots(),
+                                         .memory_bytes = hello.memory_bytes(),
                                          .tags = {hello.tags().begin(), hello.tags().end()}});
   farm->finish_leases.AddWorker(worker, {.numeric_class = hello.numeric_class(),
                                          .places = std::min(hello.finishes(), kMaxFinishes),
@@ -186,18 +187,17 @@ void WorkerCalls::RefuseUnit(WorkerId worker, const UnitRef& unit, Attempt attem
                          ", which is not valid: ", reason);
     farm->workers.Acknowledge(worker, unit, attempt, reason);
   }
-  FailUnit(worker, unit, attempt, error, /*permanent=*/false);
+  FailUnit(worker, unit, attempt, {.error = error});
 }
 
-void WorkerCalls::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt, const std::string& error,
-                           bool permanent) {
-  if (unit.key.kind == v1::UNIT_KIND_RESULT) return finishing_.TakeBack(worker, unit, attempt, error);
+void WorkerCalls::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt,
+                           const scheduler::UnitFailure& failure) {
+  if (unit.key.kind == v1::UNIT_KIND_RESULT) return finishing_.TakeBack(worker, unit, attempt, failure.error);
   FarmState::Change farm(state_);
-  farm->scheduler.units().Fail(worker, unit, attempt, {.permanent = permanent, .error = error},
-                               resources_->options.now());
-  resources_->log().warn("event=unit_failed unit={} worker={} permanent={} error={}",
-                         logging::Quoted(Describe(unit)), farm->workers.NameOf(worker), permanent,
-                         logging::Quoted(error));
+  farm->scheduler.units().Fail(worker, unit, attempt, failure, resources_->options.now());
+  resources_->log().warn("event=unit_failed unit={} worker={} permanent={} out_of_memory={} error={}",
+                         logging::Quoted(Describe(unit)), farm->workers.NameOf(worker), failure.permanent,
+                         failure.out_of_memory, logging::Quoted(failure.error));
 }
 
 void WorkerCalls::HandBack(WorkerId worker, const v1::HandBack& message) {
@@ -227,7 +227,7 @@ void WorkerCalls::OnLeaving(WorkerId worker, const std::string& reason) {
 void WorkerCalls::OnAssetMissing(WorkerId worker, const UnitRef& unit, Attempt attempt,
                                  const std::string& sha256, const std::string& error) {
   scene_files_.OnMissing(worker, unit, attempt, sha256, [this, worker, unit, attempt, error] {
-    FailUnit(worker, unit, attempt, error, /*permanent=*/false);
+    FailUnit(worker, unit, attempt, {.error = error});
   });
 }
 

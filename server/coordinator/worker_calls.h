@@ -44,7 +44,7 @@ class WorkerCalls final : public WorkerApi {
   void RefuseUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
                   const std::string& reason) override;
   void FailUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
-                const std::string& error, bool permanent) override;
+                const scheduler::UnitFailure& failure) override;
   void HandBack(job::WorkerId worker, const v1::HandBack& message) override;
 
   absl::StatusOr<v1::JobSpec> FetchSpec(const v1::FetchSpecRequest& request,

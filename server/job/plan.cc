@@ -165,6 +165,13 @@ v1::JobSpec UnplannedSpec(v1::JobSpec spec) {
   return spec;
 }
 
+uint64_t MemoryNeedOf(const v1::JobSpec& spec) {
+  if (spec.plan().memory_bytes() > 0) return spec.plan().memory_bytes();
+  uint64_t bytes = spec.scene().file().size();
+  for (const v1::AssetRef& asset : spec.scene().dependencies()) bytes += asset.size();
+  return bytes;
+}
+
 int ValueOf(const v1::JobSpec& spec, std::string_view name) {
   const v1::PlanDecision* decision = FindDecision(spec.plan(), name);
   return decision != nullptr ? decision->value() : decisions::Find(name)->full;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string_view>
 
 #include "absl/status/status.h"
@@ -33,6 +34,9 @@ absl::Status CheckTileOrder(const v1::JobSpec& spec);
 
 /// The inverse of PlannedSpec: what was submitted.
 v1::JobSpec UnplannedSpec(v1::JobSpec spec);
+
+/// Memory that a worker needs for the job: that of its plan; without one at least that of the scene's files.
+uint64_t MemoryNeedOf(const v1::JobSpec& spec);
 
 /// The value of a decision; that which models everything where the job has no plan.
 int ValueOf(const v1::JobSpec& spec, std::string_view decision);

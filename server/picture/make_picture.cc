@@ -200,10 +200,7 @@ uint64_t PictureMemoryOf(const v1::JobSpec& spec) {
   return kProcessBytes + static_cast<uint64_t>(pixels) * kBytesPerPixel;
 }
 
-uint64_t MemoryForPictures(uint64_t limit) {
-  const uint64_t usable = sandbox::UsableMemoryBytes();
-  return (limit == 0 ? usable : std::min(usable, limit)) / 2;
-}
+uint64_t MemoryForPictures() { return sandbox::UsableMemoryBytes() / 2; }
 
 bool IsOneBlock(const v1::JobSpec& spec) {
   return filter::BlockGrid(spec.width(), spec.height(), filter::BlockParams()).IsOneBlock();

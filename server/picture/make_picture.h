@@ -48,9 +48,8 @@ absl::StatusOr<v1::FrameReport> MakePicture(const CompleteFrame& frame, const Pi
 /// Memory that MakePicture takes for a frame of the job, at most: with all layers and levels.
 uint64_t PictureMemoryOf(const v1::JobSpec& spec);
 /// Memory that the pictures made at a time on this machine may take together: half of what may be used, which
-/// is the machine's or its control group's, or `limit` if that is less; 0: none. The rest is for scenes, or
-/// for files that are read again.
-uint64_t MemoryForPictures(uint64_t limit = 0);
+/// is the machine's or its control group's. The rest is for files that are read again.
+uint64_t MemoryForPictures();
 /// Whether a frame of the job is one block.
 bool IsOneBlock(const v1::JobSpec& spec);
 

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "server/scheduler/audits.h"
 #include "server/scheduler/disputes.h"
@@ -54,7 +55,31 @@ std::string BusiestUsers(const State& state) {
   });
 }
 
-void ExplainWorkers(const State& state, const Job& job, std::vector<Reason>* reasons) {
+std::string Gigabytes(uint64_t bytes) {
+  return absl::StrFormat("%.1f GiB", static_cast<double>(bytes) / (1 << 30));
+}
+
+/// Whether no connected worker has enough memory, though some could render the job otherwise.
+bool ExplainMemory(const State& state, const Job& job, absl::Time now, std::vector<Reason>* reasons) {
+  Requirement any_memory = state.RequirementOf(job);
+  any_memory.memory_bytes = 0;
+  const uint64_t largest = state.workers.LargestMemory(any_memory);
+  if (state.workers.Count(state.RequirementOf(job)).connected > 0 || largest == 0) return false;
+  const MemoryNeeds::Need& need = state.ready.memory().Of(job.number);
+  reasons->push_back(
+      {"memory",
+       need.planned > largest
+           ? absl::StrCat("the job needs ", Gigabytes(need.planned), " of memory; the largest worker of ",
+                          Describe(any_memory), " has ", Gigabytes(largest))
+           : absl::StrCat("the job needs more than ", Gigabytes(need.too_little), " of memory: worker ",
+                          need.worker, " ran out of it; the largest worker of ", Describe(any_memory),
+                          " has ", Gigabytes(largest), ", and is tried again in ",
+                          Seconds(need.until - now))});
+  return true;
+}
+
+void ExplainWorkers(const State& state, const Job& job, absl::Time now, std::vector<Reason>* reasons) {
+  if (ExplainMemory(state, job, now, reasons)) return;
   const Requirement& requirement = state.RequirementOf(job);
   const KindCounts workers = state.workers.Count(requirement);
   if (workers.connected == 0) {
@@ -181,7 +206,7 @@ std::vector<Reason> Explain(const State& state, const JobId& id, absl::Time now)
   if (job == nullptr) return reasons;
   if (job->paused) reasons.push_back({"paused", "the job is paused"});
   if (job->frames.committed_units() < job->units.total()) {
-    ExplainWorkers(state, *job, &reasons);
+    ExplainWorkers(state, *job, now, &reasons);
     ExplainTurn(state, *job, &reasons);
     ExplainLimits(state, *job, &reasons);
     ExplainFailures(state, *job, now, &reasons);

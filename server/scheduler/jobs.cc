@@ -15,6 +15,10 @@ Jobs::Jobs(State* state, Frames* frames, Leasing* leasing)
 void Jobs::Add(const JobId& id, const v1::JobSpec& spec, const JobOptions& options) {
   Job& job = state_->jobs.Add(id, spec, options);
   state_->ready.Add(job.number, options);
+  state_->ready.memory().SetPlanned(job.number, job::MemoryNeedOf(spec));
+  Requirement requirement = state_->RequirementOf(job);
+  requirement.memory_bytes = state_->ready.memory().Of(job.number).bytes();
+  state_->ready.SetRequirement(job.number, requirement, state_->latest);
   state_->UpdateReady(job);
 }
 
@@ -33,6 +37,7 @@ void Jobs::End(const JobId& id) {
   state_->second_leases.ForgetTimes(number);
   state_->evidence.EndJob(number);
   state_->backoffs.ForgetJob(number);
+  state_->ready.memory().EndJob(number);
   state_->ready.Remove(number);
   state_->jobs.Remove(number);
 }

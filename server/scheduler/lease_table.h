@@ -26,8 +26,8 @@ struct Lease {
   bool is_late = false;
   absl::Time expected_end{};  // of a late lease, when it became late
   bool is_overdue = false;
-  bool alone = false;  // of a unit in quarantine; never overdue
-  bool audit = false;  // the unit is accepted; never late
+  bool alone = false;  // of a unit in quarantine
+  bool audit = false;  // the unit is accepted
 };
 
 /// The leases that are valid, by attempt, unit, worker and time. Every call takes O(log n) for each lease

@@ -83,8 +83,8 @@ std::vector<LateLease> LeaseWatch::Expire(absl::Time now) {
   std::vector<LateLease> late;
   for (const Attempt attempt : state_->leases.Expired(now)) late.push_back(End(attempt));
   for (const Attempt attempt : state_->leases.Checks(now)) {
+    const Lease lease = *state_->leases.Find(attempt);
     if (!BecomesOverdue(attempt, now)) continue;
-    const Lease& lease = *state_->leases.Find(attempt);
     late.push_back({state_->jobs.RefOf(lease.unit), lease.worker, Lateness::kOverdue});
   }
   return late;
@@ -107,17 +107,40 @@ LateLease LeaseWatch::End(Attempt attempt) {
   return {state_->jobs.RefOf(lease.unit), lease.worker, stalled ? Lateness::kStalled : Lateness::kSilent};
 }
 
+void LeaseWatch::EndLateAudit(Attempt attempt) {
+  const Lease lease = *state_->leases.Find(attempt);
+  state_->audits.Decline(lease.unit, state_->workers.Find(lease.worker)->traits.name);
+  // A thread may still hang in it.
+  state_->workers.TakeSlot(lease.worker);
+  stalled_.emplace(lease.worker, attempt);
+  leasing_->Revoke(attempt, RetryReason::kOverdue);
+}
+
 bool LeaseWatch::BecomesOverdue(Attempt attempt, absl::Time now) {
   Lease lease = *state_->leases.Find(attempt);
   const SecondLeases::Kind kind = state_->KindOf(lease.unit);
+  if (lease.alone || lease.audit) {
+    const bool is_overdue = state_->second_leases.MarkOnlyOverdue(kind, now, &lease);
+    state_->leases.Update(attempt, lease);
+    if (!is_overdue) return false;
+    if (lease.audit) {
+      EndLateAudit(attempt);
+      return true;
+    }
+    return ReturnOverdue(lease.unit);
+  }
   const double slowness = state_->workers.Find(lease.worker)->slowness;
   const bool is_late = state_->second_leases.MarkLate(kind, slowness, now, &lease);
   const bool is_overdue = state_->second_leases.MarkOverdue(kind, now, &lease);
   state_->leases.Update(attempt, lease);
   if (is_late && state_->leases.OfUnit(lease.unit).size() == 1)
     state_->second_leases.Enter(state_->ready.RequirementOf(lease.unit.job), lease.expected_end, attempt);
-  if (!is_overdue || !leasing_->MayReturn(lease.unit)) return false;
-  leasing_->Return(lease.unit);
+  return is_overdue && ReturnOverdue(lease.unit);
+}
+
+bool LeaseWatch::ReturnOverdue(const UnitIndex& unit) {
+  if (!leasing_->MayReturn(unit)) return false;
+  leasing_->Return(unit);
   leasing_->CountRetry(RetryReason::kOverdue);
   return true;
 }

@@ -53,8 +53,11 @@ class LeaseWatch {
   void Renew(job::Attempt attempt, int64_t progress, absl::Time now);
   LateLease Drop(job::Attempt attempt);
   LateLease End(job::Attempt attempt);
-  /// Whether the lease is overdue from now on, and its unit ready for a second one.
+  /// Whether the lease is overdue from now on, and its unit ready for a second one. An audit is then another
+  /// worker's.
   bool BecomesOverdue(job::Attempt attempt, absl::Time now);
+  bool ReturnOverdue(const UnitIndex& unit);
+  void EndLateAudit(job::Attempt attempt);
 
   State* const state_;
   Leasing* const leasing_;

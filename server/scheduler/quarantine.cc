@@ -74,22 +74,23 @@ void Quarantine::Reserve(absl::FunctionRef<const Requirement*(const UnitIndex&)>
 std::optional<WorkerId> Quarantine::FindWorkerFor(
     const UnitIndex& unit, const Requirement& requirement,
     absl::FunctionRef<bool(const Worker&, const UnitIndex&)> may_render) const {
-  std::optional<int> kind = workers_->NextFreeKind(-1);
-  while (kind.has_value() && !requirement.Admits(workers_->KindOf(*kind)))
-    kind = workers_->NextFreeKind(*kind);
-  if (!kind.has_value()) return std::nullopt;
   const Losses& lost = LossesOf(unit);
   std::optional<WorkerId> best;
   int best_score = -1;
-  std::optional<WorkerId> worker = workers_->NextFree(*kind, WorkerId(-1));
-  for (int i = 0; i < kMaxCandidates && worker.has_value(); ++i) {
-    const Worker& state = *workers_->Find(*worker);
-    const int score = (lost.contains(state.traits.party) ? 0 : 2) + (state.busy == 0 ? 1 : 0);
-    if (score > best_score && may_render(state, unit)) {
-      best = worker;
-      best_score = score;
+  int looked_at = 0;
+  for (std::optional<int> kind = workers_->NextFreeKind(-1); kind.has_value();
+       kind = workers_->NextFreeKind(*kind)) {
+    if (!requirement.Admits(workers_->KindOf(*kind))) continue;
+    std::optional<WorkerId> worker = workers_->NextFree(*kind, WorkerId(-1));
+    for (; looked_at < kMaxCandidates && worker.has_value(); ++looked_at) {
+      const Worker& state = *workers_->Find(*worker);
+      const int score = (lost.contains(state.traits.party) ? 0 : 2) + (state.busy == 0 ? 1 : 0);
+      if (score > best_score && may_render(state, unit)) {
+        best = worker;
+        best_score = score;
+      }
+      worker = workers_->NextFree(*kind, *worker);
     }
-    worker = workers_->NextFree(*kind, *worker);
   }
   return best;
 }

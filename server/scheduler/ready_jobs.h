@@ -9,6 +9,7 @@
 
 #include "absl/time/time.h"
 #include "server/scheduler/fair_share.h"
+#include "server/scheduler/memory_needs.h"
 #include "server/scheduler/types.h"
 #include "server/scheduler/worker_pool.h"
 
@@ -71,6 +72,9 @@ class ReadyJobs {
   void Ended(int64_t job, absl::Duration slot_time) { share_.Ended(job, slot_time); }
 
   const FairShare& share() const { return share_; }
+  /// Of all jobs that are here. Whoever changes one sets the job's requirement.
+  MemoryNeeds& memory() { return memory_; }
+  const MemoryNeeds& memory() const { return memory_; }
 
  private:
   /// The jobs that need the same workers.
@@ -93,6 +97,7 @@ class ReadyJobs {
   const absl::Duration longest_wait_;
   const WorkerPool* const workers_;
   FairShare share_;
+  MemoryNeeds memory_;
   Demands demands_;
   std::map<int64_t, Entry> entries_;
   int64_t grants_ = 0;

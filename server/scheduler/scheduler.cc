@@ -34,7 +34,7 @@ std::vector<FailedJob> Scheduler::TakeFailedJobs() { return std::exchange(state_
 
 absl::Time Scheduler::NextExpiry() const {
   return std::min({state_.leases.NextTime(), state_.workers.NextCooled(), state_.audits.NextDue(),
-                   state_.backoffs.NextEnd(), state_.evidence.NextDue()});
+                   state_.backoffs.NextEnd(), state_.evidence.NextDue(), state_.ready.memory().NextEnd()});
 }
 
 std::vector<Reason> Scheduler::Explain(const job::JobId& job, absl::Time now) const {

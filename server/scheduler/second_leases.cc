@@ -65,9 +65,25 @@ absl::Time SecondLeases::LateTime(const Kind& kind, double slowness, const Lease
   return std::min(lease.granted + late, OverdueTime(kind, lease.granted));
 }
 
+absl::Time SecondLeases::OnlyCheckOf(const Kind& kind, const Lease& lease) const {
+  return MeanOf(kind).has_value() ? OverdueTime(kind, lease.granted) : lease.progressed + standstill_;
+}
+
 void SecondLeases::Schedule(const Kind& kind, double slowness, Lease* lease) const {
-  if (lease->alone || lease->audit || lease->is_overdue) return;
-  lease->check = lease->is_late ? OverdueTime(kind, lease->granted) : LateTime(kind, slowness, *lease);
+  if (lease->is_overdue) return;
+  if (lease->alone || lease->audit) {
+    lease->check = OnlyCheckOf(kind, *lease);
+  } else {
+    lease->check = lease->is_late ? OverdueTime(kind, lease->granted) : LateTime(kind, slowness, *lease);
+  }
+}
+
+bool SecondLeases::MarkOnlyOverdue(const Kind& kind, absl::Time now, Lease* lease) const {
+  if (lease->is_overdue) return false;
+  lease->check = OnlyCheckOf(kind, *lease);  // the mean may have risen, or the unit advanced, since
+  lease->is_overdue = lease->check <= now;
+  if (lease->is_overdue) lease->check = absl::InfiniteFuture();
+  return lease->is_overdue;
 }
 
 bool SecondLeases::MarkLate(const Kind& kind, double slowness, absl::Time now, Lease* lease) const {

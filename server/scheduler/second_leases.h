@@ -52,12 +52,15 @@ class SecondLeases {
   /// When the lease is late; not after it is overdue. Where the mean is not known, as for a plan unit, it is
   /// late when it has made no progress for the length of a lease. `slowness`: of its worker.
   absl::Time LateTime(const Kind& kind, double slowness, const Lease& lease) const;
-  /// Sets when an ordinary lease is checked next.
+  /// Sets when a lease is checked next.
   void Schedule(const Kind& kind, double slowness, Lease* lease) const;
   /// Checks a lease whose check is not after `now`. True if it is late from now on.
   bool MarkLate(const Kind& kind, double slowness, absl::Time now, Lease* lease) const;
   /// The same after MarkLate. True if the lease is overdue from now on.
   bool MarkOverdue(const Kind& kind, absl::Time now, Lease* lease) const;
+  /// The same for an audit and for a unit in quarantine, which idle slots do not get when they are late: they
+  /// are overdue where others are, or late where the mean is not known.
+  bool MarkOnlyOverdue(const Kind& kind, absl::Time now, Lease* lease) const;
   /// Whether a worker of this slowness, which has a free slot, would probably end the unit of a late lease
   /// earlier.
   bool IsWorthwhile(const Lease& late, const Kind& kind, double slowness, absl::Time now) const;
@@ -80,6 +83,8 @@ class SecondLeases {
     int64_t count = 0;
     absl::Duration sum;
   };
+
+  absl::Time OnlyCheckOf(const Kind& kind, const Lease& lease) const;
 
   const absl::Duration standstill_;
   const double late_factor_;

@@ -98,8 +98,10 @@ struct WorkerTraits {
   std::string numeric_class{};
   /// The same while the process lives, over all its connections, and of no other process; 0: not known.
   uint64_t instance = 0;
-  /// How many units it holds at a time, at least 1, see LeaseAhead and AcceptedUnits.
+  /// How many units it holds at a time, see LeaseAhead and AcceptedUnits. 0: it renders none.
   int slots = 1;
+  /// 0: not known, and then enough for any job.
+  uint64_t memory_bytes = 0;
   std::vector<std::string> tags{};  // in any order
 };
 
@@ -148,8 +150,9 @@ struct FailedJob {
 
 /// What a worker says of a unit that it could not render.
 struct UnitFailure {
-  bool permanent = false;  // every worker would have it
-  std::string error{};     // one line
+  bool permanent = false;      // every worker would have it
+  bool out_of_memory = false;  // the worker is too small, which says nothing against the job
+  std::string error{};         // one line
 };
 
 /// What a delivered unit took.

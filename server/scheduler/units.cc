@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "filter/image/check.h"
+#include "server/job/plan.h"
 
 namespace lumifold::scheduler {
 
@@ -93,9 +94,24 @@ void Units::RevokeOtherLeases(const UnitIndex& unit) {
 void Units::Bind(Job& job, const std::string& numeric_class) {
   Requirement requirement = state_->RequirementOf(job);
   requirement.numeric_class = numeric_class;
+  Require(job, requirement);
+  for (const Attempt attempt : state_->leases.OfJob(job.number)) {
+    const WorkerId worker = state_->leases.Find(attempt)->worker;
+    if (state_->workers.Find(worker)->traits.numeric_class != numeric_class)
+      leasing_->Revoke(attempt, RetryReason::kOtherClass);
+  }
+}
+
+void Units::RequireMemory(Job& job) {
+  Requirement requirement = state_->RequirementOf(job);
+  requirement.memory_bytes = state_->ready.memory().Of(job.number).bytes();
+  Require(job, requirement);
+}
+
+void Units::Require(Job& job, const Requirement& requirement) {
+  if (requirement == state_->RequirementOf(job)) return;
   frames_->CountActive(job, false);
-  const std::vector<Attempt> attempts = state_->leases.OfJob(job.number);
-  for (const Attempt attempt : attempts) {
+  for (const Attempt attempt : state_->leases.OfJob(job.number)) {
     Lease lease = *state_->leases.Find(attempt);
     if (!lease.is_late) continue;  // it stood still
     state_->second_leases.Remove(state_->RequirementOf(job), lease.expected_end, attempt);
@@ -106,11 +122,6 @@ void Units::Bind(Job& job, const std::string& numeric_class) {
   state_->ready.SetRequirement(job.number, requirement, state_->latest);
   frames_->CountActive(job, true);
   state_->UpdateReady(job);
-  for (const Attempt attempt : attempts) {
-    const WorkerId worker = state_->leases.Find(attempt)->worker;
-    if (state_->workers.Find(worker)->traits.numeric_class != numeric_class)
-      leasing_->Revoke(attempt, RetryReason::kOtherClass);
-  }
 }
 
 bool Units::Fail(WorkerId worker, const UnitRef& unit, Attempt attempt, const UnitFailure& failure,
@@ -121,6 +132,11 @@ bool Units::Fail(WorkerId worker, const UnitRef& unit, Attempt attempt, const Un
   if (lease.audit) {
     audits_->Decline(lease.unit, worker);
     leasing_->ReleaseSlot(worker);
+    return true;
+  }
+  if (const Worker& failed = *state_->workers.Find(worker);
+      failure.out_of_memory && failed.traits.memory_bytes > 0) {
+    ReturnToLarger(lease, failed, now);
     return true;
   }
   const int failures = state_->evidence
@@ -139,6 +155,18 @@ bool Units::Fail(WorkerId worker, const UnitRef& unit, Attempt attempt, const Un
   return true;
 }
 
+void Units::ReturnToLarger(const Lease& lease, const Worker& worker, absl::Time now) {
+  state_->ready.memory().RanOut(lease.unit.job, worker.traits.name,
+                                state_->workers.KindOf(worker.kind).memory_bytes,
+                                now + state_->options.cool_down);
+  RequireMemory(state_->jobs.Get(lease.unit.job));
+  state_->workers.Change(lease.worker, [](Worker& changed) { ++changed.units_failed; });
+  leasing_->ReleaseSlot(lease.worker);
+  if (!leasing_->MayReturn(lease.unit)) return;
+  leasing_->Return(lease.unit);
+  leasing_->CountRetry(RetryReason::kFailed);
+}
+
 void Units::ReturnAfter(const UnitIndex& unit, absl::Duration pause, absl::Time now) {
   if (pause <= absl::ZeroDuration()) return leasing_->Return(unit);
   state_->backoffs.Begin(unit, now + pause);
@@ -148,6 +176,7 @@ void Units::EndPauses(absl::Time now) {
   for (const UnitIndex& unit : state_->backoffs.TakeEnded(now)) {
     if (leasing_->MayReturn(unit)) leasing_->Return(unit);
   }
+  for (const int64_t job : state_->ready.memory().TakeEnded(now)) RequireMemory(state_->jobs.Get(job));
 }
 
 bool Units::HandBack(WorkerId worker, const UnitRef& unit, Attempt attempt) {
@@ -184,6 +213,8 @@ void Units::SetPlan(const UnitRef& unit, const v1::JobSpec& planned) {
   job.frames = JobFrames(job.units.frames().count());
   job.free = FreeUnits();
   state_->UpdateReady(job);
+  state_->ready.memory().SetPlanned(job.number, job::MemoryNeedOf(planned));
+  RequireMemory(job);
 }
 
 bool Units::Revoke(const UnitRef& unit) {

@@ -45,7 +45,9 @@ class Units {
   /// where no job is audited.
   Completion Complete(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt, absl::Time now,
                       absl::string_view digest = "", const UnitCost& cost = {});
-  /// Records that a worker could not render a unit, see Disputes. False if it does not hold the lease.
+  /// Records that a worker could not render a unit, see Disputes. One that ran out of memory is no evidence:
+  /// the job goes to workers that have more, for SchedulerOptions::cool_down. False if it does not hold the
+  /// lease.
   bool Fail(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt, const UnitFailure& failure,
             absl::Time now);
   /// The worker will not deliver the unit: it is free at once. This is neither a failure nor a loss. False if
@@ -70,7 +72,8 @@ class Units {
 
   // For the other parts of the scheduler.
 
-  /// Frees the units whose pause after a failure is over.
+  /// Frees the units whose pause after a failure is over, and lets smaller workers try again jobs with which
+  /// one ran out of memory some time ago.
   void EndPauses(absl::Time now);
 
  private:
@@ -79,6 +82,10 @@ class Units {
   void CountTime(const Lease& lease, absl::Time now);
   void RevokeOtherLeases(const UnitIndex& unit);
   void Bind(Job& job, const std::string& numeric_class);
+  void RequireMemory(Job& job);
+  void Require(Job& job, const Requirement& requirement);
+  /// A worker ran out of memory with the unit, whose lease has been removed.
+  void ReturnToLarger(const Lease& lease, const Worker& worker, absl::Time now);
   void ReturnAfter(const UnitIndex& unit, absl::Duration pause, absl::Time now);
   /// The unit, which is accepted, is committed.
   void EndAccepted(const UnitIndex& unit);

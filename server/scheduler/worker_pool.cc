@@ -1,11 +1,25 @@
 #include "server/scheduler/worker_pool.h"
 
 #include <algorithm>
+#include <bit>
+#include <limits>
 #include <utility>
 
 #include "filter/image/check.h"
 
 namespace lumifold::scheduler {
+namespace {
+
+constexpr uint64_t kAnyMemory = std::numeric_limits<uint64_t>::max();
+
+/// The memory of a kind: its six leading bits.
+uint64_t KindMemory(uint64_t bytes) {
+  if (bytes == 0) return kAnyMemory;
+  const int dropped = std::max(0, static_cast<int>(std::bit_width(bytes)) - 6);
+  return bytes >> dropped << dropped;
+}
+
+}  // namespace
 
 using job::WorkerId;
 
@@ -24,25 +38,28 @@ Requirement Requirement::Of(const std::string& numeric_class, std::vector<std::s
 }
 
 bool Requirement::Admits(const Requirement& kind) const {
-  return (numeric_class.empty() || numeric_class == kind.numeric_class) &&
+  return memory_bytes <= kind.memory_bytes &&
+         (numeric_class.empty() || numeric_class == kind.numeric_class) &&
          std::includes(kind.tags.begin(), kind.tags.end(), tags.begin(), tags.end());
 }
 
 void WorkerPool::Add(WorkerId id, const WorkerTraits& traits) {
-  LUMIFOLD_CHECK(traits.slots >= 1);
   Worker worker;
   worker.traits = traits;
   worker.kind = AddKind(traits);
   const auto [it, is_new] = workers_.emplace(id, std::move(worker));
   LUMIFOLD_CHECK(is_new);
-  ++kinds_.at(it->second.kind).counts.connected;
+  Kind& kind = kinds_.at(it->second.kind);
+  ++kind.workers;
+  if (traits.slots > 0) ++kind.counts.connected;
   by_name_[traits.name].insert(id);
   Index(id, it->second);
-  if (kinds_.at(it->second.kind).counts.available == 1) ++version_;
+  if (kind.counts.available == 1) ++version_;
 }
 
 int WorkerPool::AddKind(const WorkerTraits& traits) {
   Requirement kind = Requirement::Of(traits.numeric_class, traits.tags);
+  kind.memory_bytes = KindMemory(traits.memory_bytes);
   const auto [it, is_new] = kind_numbers_.emplace(kind, next_kind_);
   if (is_new) kinds_[next_kind_++].kind = std::move(kind);
   return it->second;
@@ -58,7 +75,8 @@ void WorkerPool::Remove(WorkerId id) {
   if (named->second.empty()) by_name_.erase(named);
   const auto kind = kinds_.find(worker.kind);
   if (kind->second.counts.available == 0) ++version_;
-  if (--kind->second.counts.connected == 0) {
+  if (worker.traits.slots > 0) --kind->second.counts.connected;
+  if (--kind->second.workers == 0) {
     kind_numbers_.erase(kind->second.kind);
     kinds_.erase(kind);
   }
@@ -140,6 +158,16 @@ KindCounts WorkerPool::Count(const Requirement& requirement) const {
     sum.busy += kind.counts.busy;
   }
   return sum;
+}
+
+uint64_t WorkerPool::LargestMemory(const Requirement& requirement) const {
+  uint64_t most = 0;
+  for (const auto& [number, kind] : kinds_) {
+    const uint64_t bytes = kind.kind.memory_bytes;
+    if (requirement.Admits(kind.kind) && kind.counts.connected > 0 && bytes != kAnyMemory)
+      most = std::max(most, bytes);
+  }
+  return most;
 }
 
 bool WorkerPool::HasOther(WorkerId id, const Requirement& requirement) const {

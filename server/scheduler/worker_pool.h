@@ -21,6 +21,7 @@ namespace lumifold::scheduler {
 struct Requirement {
   std::string numeric_class;
   std::vector<std::string> tags;  // ascending, each once
+  uint64_t memory_bytes = 0;
 
   static Requirement Of(const std::string& numeric_class, std::vector<std::string> tags);
   /// Whether a worker of `kind` may render a job that requires this.
@@ -30,7 +31,7 @@ struct Requirement {
 
 struct Worker {
   WorkerTraits traits;
-  int kind = 0;               // number of its class and tags, see WorkerPool
+  int kind = 0;               // number of its class, tags and memory, see WorkerPool
   int busy = 0;               // leases, and accepted units that fill a slot
   bool unresponsive = false;  // a lease expired and no heartbeat came since
   bool reserved = false;      // for a unit in quarantine
@@ -47,7 +48,9 @@ struct Worker {
   LeaseAhead ahead;
 
   bool IsCooling() const { return cools_until != absl::InfinitePast(); }
-  bool IsAvailable() const { return !unresponsive && !draining && !blocked && !IsCooling(); }
+  bool IsAvailable() const {
+    return traits.slots > 0 && !unresponsive && !draining && !blocked && !IsCooling();
+  }
   bool IsFree() const {
     return IsAvailable() && !reserved && busy < traits.slots + ahead.Leases(traits.slots);
   }
@@ -56,7 +59,7 @@ struct Worker {
 /// How a list shows the worker.
 v1::WorkerState StateOf(const Worker& worker);
 
-/// Numbers of workers of one class and tags.
+/// Numbers of workers of one kind; those without slots do not count.
 struct KindCounts {
   int connected = 0;
   int available = 0;
@@ -65,16 +68,17 @@ struct KindCounts {
   int64_t busy = 0;   // of these
 };
 
-/// The connected workers, and which of them can take a unit. Workers of equal class and tags are of one kind;
-/// kinds have numbers from 0 on. A call takes O(log n) unless it says otherwise.
+/// The connected workers, and which of them can take a unit. Workers of equal class and tags, and of about
+/// the same memory (rounded down by less than 1/32, so that there are few kinds), are of one kind; kinds have
+/// numbers from 0 on. A call takes O(log n) unless it says otherwise.
 ///
-/// A worker is available unless it is unresponsive, draining, blocked or cooling down; it is free if it is
-/// available, not reserved, and has a free slot.
+/// A worker is available unless it has no slots or is unresponsive, draining, blocked or cooling down; it is
+/// free if it is available, not reserved, and has a free slot.
 ///
 /// Threads: one at a time.
 class WorkerPool {
  public:
-  /// `id` is new, traits.slots >= 1.
+  /// `id` is new.
   void Add(job::WorkerId id, const WorkerTraits& traits);
   /// No effect on an unknown worker.
   void Remove(job::WorkerId id);
@@ -100,6 +104,9 @@ class WorkerPool {
   const Requirement& KindOf(int kind) const { return kinds_.at(kind).kind; }
   /// Sum over the kinds that `requirement` admits; O(kinds).
   KindCounts Count(const Requirement& requirement) const;
+  /// The most memory of the connected workers that it admits; 0: there is none, or that is not known.
+  /// O(kinds).
+  uint64_t LargestMemory(const Requirement& requirement) const;
   /// Whether a worker that `requirement` admits is available besides `id`; O(kinds).
   bool HasOther(job::WorkerId id, const Requirement& requirement) const;
 
@@ -117,6 +124,7 @@ class WorkerPool {
   struct Kind {
     Requirement kind;
     KindCounts counts;
+    int workers = 0;  // those without slots, too
   };
 
   int AddKind(const WorkerTraits& traits);

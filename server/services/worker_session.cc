@@ -105,7 +105,9 @@ void WorkerSession::OnFailure(const v1::UnitFailure& failure) {
   if (failure.has_missing_asset()) {
     workers_->OnAssetMissing(worker_, unit, attempt, failure.missing_asset().sha256(), error);
   } else {
-    workers_->FailUnit(worker_, unit, attempt, error, failure.permanent());
+    workers_->FailUnit(
+        worker_, unit, attempt,
+        {.permanent = failure.permanent(), .out_of_memory = failure.out_of_memory(), .error = error});
   }
 }
 

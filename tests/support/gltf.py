@@ -4,6 +4,7 @@ import base64
 import json
 import pathlib
 import struct
+import zlib
 
 JSON_CHUNK = 0x4E4F534A
 
@@ -37,6 +38,31 @@ def turn_black_specular_off(glb):
         if specular.get("specularColorFactor") == [0, 0, 0]:
             specular["specularFactor"] = 0
     pathlib.Path(glb).write_bytes(pack_glb(scene, binary_chunk))
+
+
+def add_texture(glb, path, edge):
+    """Writes the scene with a grey picture of edge x edge pixels as the colour of its first material: a small file
+    that takes much memory. Gives the new file's path."""
+    scene, binary_chunk = unpack_glb(glb)
+    rows = zlib.compressobj(1)
+    packed = b"".join(rows.compress(b"\0" + b"\x80" * edge) for _ in range(edge)) + rows.flush()
+    png = b"\x89PNG\r\n\x1a\n"
+    header = struct.pack(">IIBBBBB", edge, edge, 8, 0, 0, 0, 0)
+    for kind, content in ((b"IHDR", header), (b"IDAT", packed), (b"IEND", b"")):
+        png += struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+    uri = "data:image/png;base64," + base64.b64encode(png).decode()
+    texture = append(scene, "textures", {"source": append(scene, "images", {"uri": uri})})
+    scene["materials"][0].setdefault("pbrMetallicRoughness", {})["baseColorTexture"] = {"index": texture}
+    # Its texture coordinates: all the same point.
+    for mesh in scene["meshes"]:
+        for primitive in mesh["primitives"]:
+            if primitive.get("material", 0) != 0 or "TEXCOORD_0" in primitive["attributes"]:
+                continue
+            count = scene["accessors"][primitive["attributes"]["POSITION"]]["count"]
+            primitive["attributes"]["TEXCOORD_0"] = append(
+                scene, "accessors", {"componentType": 5126, "count": count, "type": "VEC2"})
+    pathlib.Path(path).write_bytes(pack_glb(scene, binary_chunk))
+    return pathlib.Path(path)
 
 
 def unpack_glb(glb):

@@ -43,6 +43,14 @@ class ContentCache {
     return value;
   }
 
+  /// Keeps no value that nobody else keeps.
+  void Drop() {
+    absl::MutexLock lock(&mutex_);
+    for (auto& [key, entry] : entries_) entry.kept = kept_.end();
+    kept_.clear();
+    bytes_ = 0;
+  }
+
   /// Of the values that are kept within the limit.
   uint64_t bytes() const {
     absl::MutexLock lock(&mutex_);

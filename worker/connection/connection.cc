@@ -176,12 +176,13 @@ v1::WorkerMessage MakeHello(const WorkerOptions& options, const LeaseRunner& wor
   v1::Hello* hello = message.mutable_hello();
   hello->set_name(options.name);
   hello->set_numeric_class(render::NumericClass());
-  hello->set_slots(worker.slots());
+  hello->set_slots(options.renders ? worker.slots() : 0);
+  hello->set_memory_bytes(options.memory_bytes);
   hello->set_wire_version(rpc::kWireVersion);
   for (const std::string& tag : options.tags) hello->add_tags(tag);
   hello->set_instance(worker.instance());
-  hello->set_finishes(options.finishes);
-  hello->set_finish_memory_bytes(options.finish_memory_bytes);
+  hello->set_finishes(options.finishing.count);
+  hello->set_finish_memory_bytes(options.finishing.memory_bytes);
   return message;
 }
 

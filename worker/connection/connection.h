@@ -21,6 +21,13 @@ struct EndpointSockets;
 
 namespace lumifold::worker {
 
+/// Frames that a worker finishes at a time for the coordinator, each on one of its threads, and the memory
+/// that they may take together. 0: none.
+struct FinishPlaces {
+  int count = 0;
+  uint64_t memory_bytes = 0;
+};
+
 struct WorkerOptions {
   /// Host and process, for the coordinator's log.
   std::string name;
@@ -28,10 +35,11 @@ struct WorkerOptions {
   int threads = 1;
   /// What the machine has or may be used for; see v1::Hello.
   std::vector<std::string> tags = {};
-  /// Frames that it finishes at a time for the coordinator, each on one of its threads, and the memory that
-  /// they may take together. 0: none.
-  int finishes = 0;
-  uint64_t finish_memory_bytes = 0;
+  /// Memory that it may use, see v1::Hello; 0: not known.
+  uint64_t memory_bytes = 0;
+  /// Whether it renders units at all.
+  bool renders = true;
+  FinishPlaces finishing = {};
   WorkerLog log = SilentLog();
   /// Where assets are kept for other workers of this machine and later ones, see AssetFolder; empty: in
   /// memory alone.

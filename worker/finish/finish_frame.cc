@@ -14,6 +14,7 @@
 #include "server/film/unit_records.h"
 #include "server/picture/make_picture.h"
 #include "worker/finish/memory_files.h"
+#include "worker/scene/out_of_memory.h"
 
 namespace lumifold::worker {
 namespace {
@@ -85,7 +86,7 @@ absl::Status FinishFrame(const v1::JobSpec& spec, const std::string& numeric_cla
   try {
     return Finish(spec, numeric_class, lease, link, control);
   } catch (const std::bad_alloc&) {
-    return absl::ResourceExhaustedError("out of memory while finishing the frame");
+    return scene::OutOfMemory("the frame");
   }
 }
 

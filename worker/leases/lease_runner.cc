@@ -1,6 +1,7 @@
 #include "worker/leases/lease_runner.h"
 
 #include <limits>
+#include <new>
 #include <optional>
 #include <random>
 #include <set>
@@ -14,6 +15,7 @@
 #include "proto/rpc/trace_context.h"
 #include "spdlog/spdlog.h"
 #include "worker/finish/finish_frame.h"
+#include "worker/scene/out_of_memory.h"
 #include "worker/units/unit_messages.h"
 
 namespace lumifold::worker {
@@ -36,6 +38,7 @@ void SendFailure(const v1::Lease& lease, const absl::Status& failure, std::vecto
   out->set_attempt(lease.attempt());
   out->set_error(rpc::BoundedLine(std::string(failure.message()), rpc::kMaxErrorBytes));
   out->set_permanent(IsPermanent(failure));
+  out->set_out_of_memory(scene::IsOutOfMemory(failure));
   if (std::optional<v1::AssetRef> missing = MissingAsset(failure))
     *out->mutable_missing_asset() = *std::move(missing);
   for (v1::LogEvent& line : log) *out->add_log() = std::move(line);
@@ -47,9 +50,11 @@ constexpr char kMissingAsset[] = "missing_asset";
 constexpr char kPermanent[] = "permanent";
 constexpr char kRefused[] = "refused";
 constexpr char kTransient[] = "transient";
+constexpr char kOutOfMemory[] = "out_of_memory";
 
 const char* ReasonOf(const absl::Status& failure) {
   if (MissingAsset(failure).has_value()) return kMissingAsset;
+  if (scene::IsOutOfMemory(failure)) return kOutOfMemory;
   return IsPermanent(failure) ? kPermanent : kTransient;
 }
 
@@ -69,7 +74,7 @@ LeaseRunner::LeaseRunner(int threads, SpecCache* specs, UnitRenderer* renderer, 
       instance_(RandomInstance()),
       activities_(threads, rpc::MonotonicNow()),
       units_(rpc::MonotonicNow()) {
-  totals_.failures = {{kMissingAsset, 0}, {kPermanent, 0}, {kRefused, 0}, {kTransient, 0}};
+  totals_.failures = {{kMissingAsset, 0}, {kOutOfMemory, 0}, {kPermanent, 0}, {kRefused, 0}, {kTransient, 0}};
   for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { RunThread(); });
 }
 
@@ -265,25 +270,58 @@ void LeaseRunner::RunThread() {
 }
 
 void LeaseRunner::Work(const TakenPtr& taken) {
-  const v1::UnitId& unit = taken->lease.unit();
-  const absl::StatusOr<std::shared_ptr<const v1::JobSpec>> spec = specs_->Get(unit.job_id(), unit.kind());
-  if (!spec.ok()) return absl::IsNotFound(spec.status()) ? EndJobOf(taken) : Fail(taken, spec.status());
-  if (unit.kind() == v1::UNIT_KIND_RESULT) return Finish(taken, **spec);
-  const absl::StatusOr<RenderedUnit> rendered = renderer_->Render(**spec, taken->lease, &taken->control);
-  rendered.ok() ? Deliver(taken, *rendered) : Fail(taken, rendered.status());
+  absl::Status status = Try(taken);
+  if (scene::IsOutOfMemory(status) && !taken->is_delivered) {
+    log_.log->warn(
+        "event=memory_short {} meaning=\"scenes that are not in use are unloaded, and it is tried again\"",
+        Describe(taken->lease.unit()));
+    renderer_->DropIdle();
+    status = Try(taken);
+  }
+  if (scene::IsOutOfMemory(status)) HandBackJob(taken->lease.unit().job_id());
+  if (!status.ok()) Fail(taken, status);
 }
 
-void LeaseRunner::Finish(const TakenPtr& taken, const v1::JobSpec& spec) {
+absl::Status LeaseRunner::Try(const TakenPtr& taken) {
+  try {
+    return TryUnguarded(taken);
+  } catch (const std::bad_alloc&) {
+    return scene::OutOfMemory("the unit");
+  }
+}
+
+absl::Status LeaseRunner::TryUnguarded(const TakenPtr& taken) {
+  const v1::UnitId& unit = taken->lease.unit();
+  const absl::StatusOr<std::shared_ptr<const v1::JobSpec>> spec = specs_->Get(unit.job_id(), unit.kind());
+  if (absl::IsNotFound(spec.status())) {
+    EndJobOf(taken);
+    return absl::OkStatus();
+  }
+  if (!spec.ok()) return spec.status();
+  if (unit.kind() == v1::UNIT_KIND_RESULT) return Finish(taken, **spec);
+  const absl::StatusOr<RenderedUnit> rendered = renderer_->Render(**spec, taken->lease, &taken->control);
+  if (rendered.ok()) Deliver(taken, *rendered);
+  return rendered.status();
+}
+
+absl::Status LeaseRunner::Finish(const TakenPtr& taken, const v1::JobSpec& spec) {
+  if (frames_.link == nullptr) return absl::UnimplementedError("this worker finishes no frames");
   const absl::Status finished =
-      frames_.link == nullptr
-          ? absl::UnimplementedError("this worker finishes no frames")
-          : FinishFrame(spec, frames_.numeric_class, taken->lease, frames_.link, &taken->control);
-  if (!finished.ok()) return Fail(taken, finished);
+      FinishFrame(spec, frames_.numeric_class, taken->lease, frames_.link, &taken->control);
+  if (!finished.ok()) return finished;
   absl::MutexLock lock(&mutex_);
   const v1::Lease& lease = taken->lease;
   log_.log->info("event=frame_finished {}", Describe(lease.unit()));
   ++totals_.frames_finished;
   units_.RemoveHeld([&](const v1::Lease& held) { return IsLease(held, lease.unit(), lease.attempt()); });
+  return absl::OkStatus();
+}
+
+void LeaseRunner::HandBackJob(const std::string& job_id) {
+  absl::MutexLock lock(&mutex_);
+  HandBack([&](const v1::Lease& lease) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return lease.unit().job_id() == job_id && !units_.IsTaken(lease);
+  });
 }
 
 void LeaseRunner::Fail(const TakenPtr& taken, const absl::Status& failure) {

@@ -106,9 +106,13 @@ class LeaseRunner {
   void OnMove(const v1::Move& move) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void BeginToLeave(const std::string& reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  /// Renders a unit, or finishes a frame, and delivers it.
+  /// Renders a unit, or finishes a frame, and delivers it; a second time where memory was short.
   void Work(const TakenPtr& taken);
-  void Finish(const TakenPtr& taken, const v1::JobSpec& spec);
+  absl::Status Try(const TakenPtr& taken);
+  absl::Status TryUnguarded(const TakenPtr& taken);
+  absl::Status Finish(const TakenPtr& taken, const v1::JobSpec& spec);
+  /// Hands back the leases of a job that no thread has taken.
+  void HandBackJob(const std::string& job_id);
   /// Rendering has failed. Reports it, unless the lease is void: then the failure may come of that.
   void Fail(const TakenPtr& taken, const absl::Status& failure);
   /// The job of the unit has ended, and the message that says so is on its way.

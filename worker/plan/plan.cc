@@ -5,6 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "filter/image/decisions.h"
 #include "worker/plan/plan_rules.h"
+#include "worker/plan/scene_memory.h"
 
 namespace lumifold::plan {
 namespace {
@@ -51,6 +52,8 @@ absl::StatusOr<Plan> MakePlan(const scene::Scene& scene, const PlanSettings& set
   plan.probe_rays = probe.rays;
   plan.probe_seconds = static_cast<double>(probe.rays) / settings.rays_per_second;
   plan.noise = probe.noise;
+  const auto& sky = settings.render.environment;
+  plan.memory_bytes = SceneMemory(scene, settings.file_bytes, sky == nullptr ? 0 : sky->bytes());
   plan.seconds_per_sample = double{1} * settings.render.width * settings.render.height *
                             probe.RaysPerSample() / settings.rays_per_second;
   return plan;

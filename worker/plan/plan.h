@@ -28,6 +28,7 @@ struct PlanSettings {
   bool full = false;                // model everything
   std::vector<std::string> forced;  // "NAME=VALUE": decisions to override, also those of `full`
   double rays_per_second = kRaysPerSecond;
+  uint64_t file_bytes = 0;  // of the scene's files
 };
 
 /// Who decided.
@@ -58,6 +59,7 @@ struct Plan {
   int64_t probe_rays = 0;         // the plan's cost
   double probe_seconds = 0;       // by PlanSettings::rays_per_second
   double noise = 0;               // Probe::noise
+  uint64_t memory_bytes = 0;      // SceneMemory
   double seconds_per_sample = 0;  // estimate of tracing one sample of every pixel on one thread
 };
 

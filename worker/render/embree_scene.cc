@@ -12,6 +12,7 @@
 #include "worker/render/embree_api.h"
 #include "worker/render/opacity.h"
 #include "worker/render/processor.h"
+#include "worker/scene/out_of_memory.h"
 
 namespace lumifold::render {
 namespace {
@@ -250,7 +251,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
     const std::string config = "set_affinity=0";  // there is one instruction set to choose from
 #endif
     device_.reset(rtcNewDevice(config.c_str()));
-    if (device_ == nullptr) return absl::InternalError("Embree: no device");
+    if (device_ == nullptr) return DeviceError();
     std::vector<int> uses(scene.meshes.size(), 0);
     for (const scene::Instance& instance : scene.instances) ++uses[instance.mesh];
     prototypes_.resize(scene.meshes.size());
@@ -342,7 +343,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
       case RTC_ERROR_NONE:
         return absl::OkStatus();
       case RTC_ERROR_OUT_OF_MEMORY:
-        return absl::ResourceExhaustedError("not enough memory for the scene's acceleration structure");
+        return scene::OutOfMemory("the scene's acceleration structure");
       default:
         return absl::InternalError("Embree refused the scene's geometry");
     }

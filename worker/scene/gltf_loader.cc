@@ -1,5 +1,5 @@
-#include "worker/scene/gltf_loader.h"
 
+#include "worker/scene/gltf_loader.h"
 #include <algorithm>
 #include <exception>
 #include <filesystem>
@@ -9,7 +9,6 @@
 #include <tuple>
 #include <utility>
 #include <vector>
-
 #include "absl/strings/str_cat.h"
 #include "filter/image/file_io.h"
 #include "worker/scene/animations.h"
@@ -18,6 +17,7 @@
 #include "worker/scene/geometry.h"
 #include "worker/scene/materials.h"
 #include "worker/scene/nodes.h"
+#include "worker/scene/out_of_memory.h"
 #include "worker/scene/skins.h"
 
 namespace lumifold::scene {
@@ -180,9 +180,9 @@ absl::StatusOr<Scene> LoadGuarded(std::string_view bytes, const AssetReader& rea
   try {
     return LoadUnguarded(bytes, reader, options);
   } catch (const std::bad_alloc&) {
-    return absl::ResourceExhaustedError("not enough memory");
+    return OutOfMemory("the scene");
   } catch (const std::length_error&) {
-    return absl::ResourceExhaustedError("not enough memory");
+    return absl::ResourceExhaustedError("an array is larger than any memory");
   } catch (const std::exception& e) {
     return absl::InvalidArgumentError(absl::StrCat("malformed glTF: ", WithoutTag(e.what())));
   }

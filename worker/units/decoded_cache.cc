@@ -71,4 +71,10 @@ absl::StatusOr<SharedEnvironment> DecodedCache::Environment(
   return environments_.Get(key, decode, [](const render::Environment& sky) { return sky.bytes(); });
 }
 
+void DecodedCache::Drop() {
+  textures_.Drop();
+  mips_.Drop();
+  environments_.Drop();
+}
+
 }  // namespace lumifold::worker

@@ -35,6 +35,8 @@ class DecodedCache {
   absl::StatusOr<std::shared_ptr<const render::Environment>> Environment(
       const v1::EnvironmentMap& environment, const std::string& sha256,
       const std::function<absl::StatusOr<std::string>(const std::string& uri)>& read);
+  /// Forgets what only this cache keeps.
+  void Drop();
 
  private:
   /// Mip levels, and the picture they are of: while it is kept its address names no other one.

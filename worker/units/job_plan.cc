@@ -40,6 +40,7 @@ v1::Plan ProtoFromPlan(const plan::Plan& plan) {
   proto.set_probe_seconds(plan.probe_seconds);
   proto.set_seconds_per_sample(plan.seconds_per_sample);
   proto.set_noise(plan.noise);
+  proto.set_memory_bytes(plan.memory_bytes);
   for (const int tile : plan.units.tile_order) proto.add_tile_order(tile);
   return proto;
 }
@@ -63,6 +64,8 @@ absl::StatusOr<v1::Plan> PlanJob(const v1::JobSpec& spec, const JobScene& scene)
   settings.samples = spec.samples_per_pixel();
   settings.full = spec.planning().mode() == v1::PLAN_MODE_FULL;
   settings.forced = ForcedOf(spec);
+  settings.file_bytes = spec.scene().file().size();
+  for (const v1::AssetRef& asset : spec.scene().dependencies()) settings.file_bytes += asset.size();
   const absl::StatusOr<plan::Probe> probe = plan::RunProbe(*scene.scene, settings.render, settings.samples);
   if (!probe.ok()) return NamingScene(probe.status(), spec);
   const absl::StatusOr<plan::Plan> plan = plan::MakePlan(*scene.scene, settings, *probe);

@@ -1,6 +1,7 @@
 #include "worker/units/unit_renderer.h"
 
 #include <algorithm>
+#include <new>
 #include <optional>
 #include <utility>
 
@@ -12,6 +13,7 @@
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/rect_codec.h"
+#include "worker/scene/out_of_memory.h"
 #include "worker/units/job_plan.h"
 
 namespace lumifold::worker {
@@ -141,6 +143,16 @@ absl::StatusOr<JobScene> UnitRenderer::LoadScene(const v1::JobSpec& spec, const 
 
 absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& spec, const v1::UnitId& unit,
                                                              std::atomic<int64_t>* progress) {
+  try {
+    return LoadUnguarded(spec, unit, progress);
+  } catch (const std::bad_alloc&) {  // others wait for this scene: they must learn it
+    return NamingScene(scene::OutOfMemory("the scene"), spec);
+  }
+}
+
+absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::LoadUnguarded(const v1::JobSpec& spec,
+                                                                      const v1::UnitId& unit,
+                                                                      std::atomic<int64_t>* progress) {
   absl::StatusOr<JobScene> job = LoadScene(spec, unit, progress);
   if (!job.ok()) return job.status();
   const bool animated = job->scene->animated;
@@ -255,6 +267,15 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
   unit.stats.set_rays(counts.rays);
   unit.stats.set_seconds(absl::ToDoubleSeconds(rpc::MonotonicNow() - start));
   return unit;
+}
+
+void UnitRenderer::DropIdle() {
+  absl::MutexLock lock(&mutex_);
+  planned_.reset();
+  std::erase_if(entries_, [](const std::shared_ptr<Entry>& entry) {
+    return entry->ready && entry->loaded.renderer.use_count() == 1;
+  });
+  decoded_.Drop();
 }
 
 void UnitRenderer::ForgetJob(const std::string& job_id) {

@@ -63,6 +63,8 @@ class UnitRenderer {
     return loads_;
   }
 
+  /// Memory is short: unloads what no unit in progress uses.
+  void DropIdle();
   /// Unloads the scene of a job; units in progress keep it until they are done.
   void ForgetJob(const std::string& job_id);
 
@@ -91,6 +93,8 @@ class UnitRenderer {
   std::shared_ptr<Entry> AddEntry(const v1::UnitId& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<LoadedScene> Load(const v1::JobSpec& spec, const v1::UnitId& unit,
                                    std::atomic<int64_t>* progress);
+  absl::StatusOr<LoadedScene> LoadUnguarded(const v1::JobSpec& spec, const v1::UnitId& unit,
+                                            std::atomic<int64_t>* progress);
   /// Reads the scene of a unit: that of the last plan unit, or from its files.
   absl::StatusOr<JobScene> LoadScene(const v1::JobSpec& spec, const v1::UnitId& unit,
                                      std::atomic<int64_t>* progress);

@@ -364,7 +364,7 @@ TEST(DefaultMemory, IsMoreForMoreThreads) {
 
 TEST(DefaultMemory, IsThatOfTheControlGroupWhereItIsLess) {
   const TempFolder folder;
-  const uint64_t of_machine = DefaultMemoryBytes(1, folder.path());
+  const uint64_t of_machine = DefaultMemoryBytes(1, {folder.path(), ""});
   constexpr uint64_t kLess = uint64_t{1} << 20;
   std::filesystem::create_directory(folder.PathOf("memory"));
   const std::vector<std::pair<std::string, bool>> limits = {// and whether they are less than the machine's
@@ -375,11 +375,46 @@ TEST(DefaultMemory, IsThatOfTheControlGroupWhereItIsLess) {
     std::filesystem::remove(folder.PathOf("memory.max"));
     for (const auto& [limit, is_less] : limits) {
       std::ofstream(folder.PathOf(file)) << limit << "\n";
-      const uint64_t bytes = DefaultMemoryBytes(1, folder.path());
+      const uint64_t bytes = DefaultMemoryBytes(1, {folder.path(), ""});
       EXPECT_EQ(bytes < of_machine, is_less) << file << ": " << limit;
       EXPECT_GT(bytes, kLess) << "what threads reserve comes in addition";
     }
   }
+}
+
+TEST(UsableMemory, IsTheLeastOfTheProcessesOwnGroupAndThoseAboveIt) {
+  const TempFolder folder;
+  const ControlGroups groups = {folder.path(), folder.PathOf("membership")};
+  const auto write = [&](const std::string& file, const std::string& text) {
+    std::filesystem::create_directories(std::filesystem::path(folder.PathOf(file)).parent_path());
+    std::ofstream(folder.PathOf(file)) << text << "\n";
+  };
+  write("membership", "0::/a/b");
+  write("a/b/memory.max", "4000000");
+  EXPECT_EQ(UsableMemoryBytes(groups), 4000000u);
+  write("a/memory.max", "3000000");
+  EXPECT_EQ(UsableMemoryBytes(groups), 3000000u);
+  write("c/memory.max", "1000000");  // of others
+  EXPECT_EQ(UsableMemoryBytes(groups), 3000000u);
+  write("membership", "5:cpu:/a\n4:pids,memory:/slurm/job\n0::/a/b");
+  write("memory/slurm/job/memory.limit_in_bytes", "2000000");
+  EXPECT_EQ(UsableMemoryBytes(groups), 2000000u);
+}
+
+TEST(MemoryOfThisProcess, IsWhatALimitOfItsAddressesLeaves) {
+  const uint64_t all = MemoryOfThisProcess(0, 1);
+  EXPECT_GT(all, uint64_t{1} << 28);
+  EXPECT_LE(all, UsableMemoryBytes());
+  EXPECT_EQ(MemoryOfThisProcess(uint64_t{1} << 20, 1), 0u);
+  EXPECT_EQ(Try(nullptr,
+                [] {
+                  const rlimit limit = {uint64_t{1} << 32, RLIM_INFINITY};
+                  setrlimit(RLIMIT_AS, &limit);
+                  const uint64_t left = MemoryOfThisProcess(0, 1);
+                  const uint64_t beside_others = MemoryOfThisProcess(0, 9);
+                  return left < uint64_t{1} << 32 && (beside_others < left || beside_others == left) ? 0 : 1;
+                }),
+            0);
 }
 
 }  // namespace

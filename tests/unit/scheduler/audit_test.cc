@@ -64,6 +64,33 @@ TEST_F(AuditTest, EqualResultsOfTwoWorkersSettleTheAuditAndTheFrame) {
   EXPECT_TRUE(scheduler_.frames().Finish(kJob, 0));
 }
 
+TEST_F(AuditTest, AnAuditThatStandsStillGoesToAnotherWorker) {
+  scheduler_.jobs().Add(kJob, RowSpec(1), {.audit_share = 1});
+  AddWorker(kAnn, 2);
+  for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
+  AddWorker(kBen, 2);
+  const auto audits = scheduler_.GrantLeases(now_);
+  ASSERT_EQ(audits.size(), 2u);
+  const HeldLease moves{audits[0].unit, audits[0].attempt, 1};
+  const HeldLease hangs{audits[1].unit, audits[1].attempt, 0};
+  now_ += absl::Seconds(20);
+  scheduler_.workers().Heartbeat(kBen, {moves, hangs}, audits[1].attempt, now_);
+  EXPECT_THAT(scheduler_.ExpireLeases(now_), IsEmpty());
+  now_ += absl::Seconds(10);
+  scheduler_.workers().Heartbeat(kBen, {moves, hangs}, audits[1].attempt, now_);
+  const auto late = scheduler_.ExpireLeases(now_);
+  ASSERT_EQ(late.size(), 1u);
+  EXPECT_EQ(late[0].unit, hangs.unit);
+  EXPECT_EQ(late[0].lateness, Lateness::kOverdue);
+  EXPECT_THAT(scheduler_.GrantLeases(now_), IsEmpty()) << "whoever hangs in it does not get it again";
+  AddWorker(kCat, 2);
+  const auto again = scheduler_.GrantLeases(now_);
+  ASSERT_EQ(again.size(), 1u);
+  EXPECT_EQ(again[0].unit, hangs.unit);
+  EXPECT_EQ(again[0].worker, kCat);
+  EXPECT_TRUE(again[0].audit);
+}
+
 TEST_F(AuditTest, TheShareIsChosenByJobAndUnit) {
   std::set<UnitRef> audited[2];
   for (auto& units : audited) {

@@ -160,6 +160,34 @@ TEST_F(SchedulerFailuresTest, AUnitInQuarantineThatIsRenderedIsCommittedLikeAnyO
   EXPECT_FALSE(others[0].alone);
 }
 
+TEST_F(SchedulerFailuresTest, AUnitInQuarantineThatStandsStillGoesToASecondWorker) {
+  scheduler_.jobs().Add(kJob, Spec());
+  for (int64_t i = 1; i <= 3; ++i) {
+    scheduler_.workers().Add(WorkerId(i), {.numeric_class = "avx2", .slots = 1});
+    GrantReceived();
+    scheduler_.workers().Remove(WorkerId(i));
+  }
+  scheduler_.workers().Add(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 1});
+  const auto first = GrantReceived();
+  ASSERT_EQ(first.size(), 1u);
+  ASSERT_TRUE(first[0].alone);
+  const HeldLease hangs{first[0].unit, first[0].attempt, 0};
+  absl::Time now = kStart + absl::Seconds(29);
+  scheduler_.workers().Heartbeat(kAnn, {hangs}, first[0].attempt, now);
+  EXPECT_THAT(scheduler_.ExpireLeases(now), IsEmpty());
+  now += absl::Seconds(1);
+  ASSERT_EQ(scheduler_.ExpireLeases(now).size(), 1u);
+  scheduler_.workers().Add(kBen, {.name = "ben", .numeric_class = "avx2", .slots = 1});
+  const auto second = scheduler_.GrantLeases(now);
+  ASSERT_EQ(second.size(), 1u);
+  EXPECT_EQ(second[0].unit, first[0].unit);
+  EXPECT_TRUE(second[0].alone);
+  EXPECT_TRUE(scheduler_.units().HoldsLease(kAnn, first[0].unit, first[0].attempt))
+      << "the first result counts";
+  EXPECT_EQ(scheduler_.units().Complete(kBen, second[0].unit, second[0].attempt, now), Completion::kAccepted);
+  EXPECT_FALSE(scheduler_.units().HoldsLease(kAnn, first[0].unit, first[0].attempt));
+}
+
 TEST_F(SchedulerFailuresTest, AUnitInQuarantineWaitsUntilItsWorkerIsIdle) {
   scheduler_.jobs().Add(kOther, Spec());
   scheduler_.workers().Add(WorkerId(9), {.numeric_class = "avx2", .slots = 2});

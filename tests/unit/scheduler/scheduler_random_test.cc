@@ -203,13 +203,24 @@ class RandomHistory {
     leases->clear();
   }
 
+  /// Others that are overdue stay valid.
+  void EndOverdueAudit(const LateLease& late) {
+    const auto held = held_.find(late.worker);
+    if (late.lateness != Lateness::kOverdue || held == held_.end()) return;
+    std::erase_if(held->second, [&](const ModelLease& lease) {
+      const bool ends = lease.audit && lease.unit == late.unit;
+      if (ends) ended_.emplace_back(late.worker, lease);
+      return ends;
+    });
+  }
+
   void Expire() {
     absl::Time next = absl::InfiniteFuture();
     for (const auto& [worker, leases] : held_) {
       for (const ModelLease& lease : leases) next = std::min(next, lease.deadline);
     }
     EXPECT_LE(scheduler_->NextExpiry(), next);  // or a unit may be overdue before
-    scheduler_->ExpireLeases(now_);
+    for (const LateLease& late : scheduler_->ExpireLeases(now_)) EndOverdueAudit(late);
     FollowAudits();
     for (auto& [worker, leases] : held_) {
       for (auto it = leases.begin(); it != leases.end();) {

@@ -111,13 +111,23 @@ TEST_F(SecondLeasesTest, ShortUnitsHaveTheLeastLimits) {
   EXPECT_EQ(second_.OverdueTime(kGeometry, kNow), kNow + absl::Seconds(30));
 }
 
-TEST_F(SecondLeasesTest, LeasesThatGetNoSecondOneAreNotScheduled) {
-  MakeMeanKnown();
-  for (bool Lease::* reason : {&Lease::alone, &Lease::audit, &Lease::is_overdue}) {
-    Lease lease = Granted();
-    lease.*reason = true;
-    second_.Schedule(kPasses, kUsual, &lease);
-    EXPECT_EQ(lease.check, absl::InfiniteFuture());
+TEST_F(SecondLeasesTest, AuditsAndUnitsInQuarantineAreOverdueOnlyAndOnce) {
+  for (const bool mean_is_known : {false, true}) {
+    if (mean_is_known) MakeMeanKnown();
+    for (bool Lease::* reason : {&Lease::alone, &Lease::audit}) {
+      Lease lease = Granted();
+      lease.progressed = kNow + absl::Seconds(1);
+      lease.*reason = true;
+      second_.Schedule(kPasses, kUsual, &lease);
+      const absl::Time overdue =
+          mean_is_known ? second_.OverdueTime(kPasses, kNow) : lease.progressed + absl::Seconds(20);
+      EXPECT_EQ(lease.check, overdue);
+      EXPECT_FALSE(second_.MarkOnlyOverdue(kPasses, overdue - absl::Seconds(1), &lease));
+      EXPECT_TRUE(second_.MarkOnlyOverdue(kPasses, overdue, &lease));
+      EXPECT_FALSE(second_.MarkOnlyOverdue(kPasses, overdue + absl::Hours(1), &lease));
+      second_.Schedule(kPasses, kUsual, &lease);
+      EXPECT_EQ(lease.check, absl::InfiniteFuture());
+    }
   }
 }
 

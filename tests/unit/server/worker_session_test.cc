@@ -19,6 +19,8 @@ namespace lumifold::server {
 namespace {
 
 using testing::_;
+using testing::AllOf;
+using testing::Field;
 using testing::HasSubstr;
 using testing::Return;
 using testing::StrictMock;
@@ -43,8 +45,8 @@ class MockWorkerApi : public WorkerApi {
   MOCK_METHOD(void, Dismiss, (job::WorkerId, const job::UnitRef&, job::Attempt), (override));
   MOCK_METHOD(void, RefuseUnit, (job::WorkerId, const job::UnitRef&, job::Attempt, const std::string&),
               (override));
-  MOCK_METHOD(void, FailUnit, (job::WorkerId, const job::UnitRef&, job::Attempt, const std::string&, bool),
-              (override));
+  MOCK_METHOD(void, FailUnit,
+              (job::WorkerId, const job::UnitRef&, job::Attempt, const scheduler::UnitFailure&), (override));
   MOCK_METHOD(void, HandBack, (job::WorkerId, const v1::HandBack&), (override));
   MOCK_METHOD(absl::StatusOr<v1::JobSpec>, FetchSpec, (const v1::FetchSpecRequest&, const std::string&),
               (override));
@@ -172,7 +174,11 @@ TEST_F(WorkerSessionTest, TellsFailuresApart) {
   message.mutable_failure()->set_attempt(kAttempt.value());
   message.mutable_failure()->set_error("two\nlines");
   message.mutable_failure()->set_permanent(true);
-  EXPECT_CALL(workers_, FailUnit(kWorker, Unit(), kAttempt, "two lines", true));
+  message.mutable_failure()->set_out_of_memory(true);
+  EXPECT_CALL(workers_, FailUnit(kWorker, Unit(), kAttempt,
+                                 AllOf(Field(&scheduler::UnitFailure::error, "two lines"),
+                                       Field(&scheduler::UnitFailure::permanent, true),
+                                       Field(&scheduler::UnitFailure::out_of_memory, true))));
   EXPECT_TRUE(Handle(message).ok());
   message.mutable_failure()->mutable_missing_asset()->set_sha256("f");
   EXPECT_CALL(workers_, OnAssetMissing(kWorker, Unit(), kAttempt, "f", "two lines"));

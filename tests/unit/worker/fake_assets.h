@@ -1,5 +1,6 @@
 #pragma once
 
+#include <new>
 #include <string>
 #include <utility>
 
@@ -18,6 +19,10 @@ class FakeAssets final : public AssetSource {
   absl::StatusOr<std::string> Fetch(const std::string&, const v1::AssetRef& asset) override {
     absl::MutexLock lock(&mutex_);
     ++fetches_;
+    if (bad_allocs_ > 0) {
+      --bad_allocs_;
+      throw std::bad_alloc();
+    }
     mutex_.Await(absl::Condition(&open_));
     const bool is_environment = asset.uri().rfind("environment:", 0) == 0;
     if (is_environment && !environment_.empty()) return environment_;
@@ -28,6 +33,11 @@ class FakeAssets final : public AssetSource {
   void SetOpen(bool open) {
     absl::MutexLock lock(&mutex_);
     open_ = open;
+  }
+  /// So many fetches find no memory.
+  void FindNoMemory(int times) {
+    absl::MutexLock lock(&mutex_);
+    bad_allocs_ = times;
   }
   void AwaitFetches(int count) {
     absl::MutexLock lock(&mutex_);
@@ -43,6 +53,7 @@ class FakeAssets final : public AssetSource {
   absl::Mutex mutex_;
   bool open_ = true;
   int fetches_ = 0;
+  int bad_allocs_ = 0;
   absl::StatusOr<std::string> content_;
   std::string environment_;
 };

@@ -71,6 +71,30 @@ TEST(UnitMessages, TheFragmentsOfAPassComeBeforeItsPixels) {
   EXPECT_TRUE(messages[1].chunk().has_stats());
 }
 
+TEST(LeaseRunner, TriesAUnitAgainForWhichThereWasNoMemory) {
+  Rig rig;
+  rig.assets.FindNoMemory(1);
+  rig.worker->OnMessage(Grant(1));
+  EXPECT_TRUE(rig.outbox->Await(1)[0].has_chunk());
+  EXPECT_EQ(rig.assets.fetches(), 2);
+}
+
+TEST(LeaseRunner, HandsTheJobBackWhenItHasNotTheMemory) {
+  Rig rig;
+  rig.assets.FindNoMemory(2);
+  rig.worker->OnMessage(Grant(3));
+  const std::vector<v1::WorkerMessage> sent = rig.outbox->Await(2);
+  ASSERT_TRUE(sent[0].has_hand_back()) << sent[0].DebugString();
+  EXPECT_EQ(sent[0].hand_back().leases_size(), 2);
+  ASSERT_TRUE(sent[1].has_failure());
+  EXPECT_TRUE(sent[1].failure().out_of_memory());
+  EXPECT_FALSE(sent[1].failure().permanent());
+  EXPECT_THAT(sent[1].failure().error(), HasSubstr("not enough memory for the scene"));
+  // It goes on.
+  rig.worker->OnMessage(Grant(1, "k"));
+  EXPECT_TRUE(rig.outbox->Await(3)[2].has_chunk());
+}
+
 TEST(LeaseRunner, HoldsLeasesUntilTheyAreAcknowledged) {
   Rig rig;
   const v1::CoordinatorMessage grant = Grant(2);

@@ -55,13 +55,18 @@ class Strip {
       CopyPlane(film.Get(name).Crop(SeenFrom(input.x0, input.y0, core)),
                 rows_.Get(name).Crop(SeenFrom(0, first_row_, core)));
     }
+    AddPictures(column, row, input, filtered);
+    return absl::OkStatus();
+  }
+
+  /// Blends in the result of a block, which has the pixels of `rect`.
+  void AddPictures(int column, int row, const Rect& rect, const std::vector<Picture>& filtered) {
     const Rect output = grid_.Output(column, row);
     for (int y = output.y0; y < output.y1; ++y) {
       const std::vector<float> factors = grid_.BlendFactors(column, row, y);
       for (size_t i = 0; i < pictures_.size(); ++i)
-        Blend(factors, output, input, y, filtered[i], rows_.GetColor(pictures_[i]));
+        Blend(factors, output, rect, y, filtered[i], rows_.GetColor(pictures_[i]));
     }
-    return absl::OkStatus();
   }
 
   /// Removes and returns the rows that no later block overlaps.
@@ -76,10 +81,10 @@ class Strip {
   }
 
  private:
-  void Blend(const std::vector<float>& factors, const Rect& output, const Rect& input, int y,
+  void Blend(const std::vector<float>& factors, const Rect& output, const Rect& rect, int y,
              const Picture& filtered, const ColorView& rows) {
     for (size_t c = 0; c < filtered.size(); ++c) {
-      const float* from = filtered[c].Row(y - input.y0) + output.x0 - input.x0;
+      const float* from = filtered[c].Row(y - rect.y0) + output.x0 - rect.x0;
       float* to = rows[c].Row(y - first_row_) + output.x0;
       for (size_t x = 0; x < factors.size(); ++x) {
         to[x] = factors[x] < 1.0f ? to[x] + factors[x] * (from[x] - to[x]) : from[x];
@@ -95,7 +100,15 @@ class Strip {
 };
 
 absl::Status FilterBlock(FilmSource* film, const BlockGrid& grid, int column, int row, BlockFilter filter,
-                         Strip* strip) {
+                         const ReadyBlocks& ready, Strip* strip) {
+  if (ready != nullptr) {
+    const absl::StatusOr<std::optional<std::vector<Picture>>> before = ready(column, row);
+    if (!before.ok()) return before.status();
+    if (before->has_value()) {
+      strip->AddPictures(column, row, grid.Output(column, row), **before);
+      return absl::OkStatus();
+    }
+  }
   const absl::StatusOr<EdgedImage> part = film->Read(grid.Input(column, row));
   if (!part.ok()) return part.status();
   const absl::StatusOr<std::vector<Picture>> filtered = filter(*part);
@@ -159,13 +172,14 @@ int MethodApron() {
 absl::Status FilterInBlocks(FilmSource* film, const BlockParams& params,
                             const std::vector<std::string>& passed_on,
                             const std::vector<std::string_view>& pictures, BlockFilter filter,
-                            const RowSink& sink) {
+                            const RowSink& sink, const ReadyBlocks& ready) {
+  LUMIFOLD_CHECK(ready == nullptr || passed_on.empty());
   const BlockGrid grid(film->width(), film->height(), params);
   Strip strip(grid, passed_on, pictures);
   for (int row = 0; row < grid.rows(); ++row) {
     strip.Begin(row);
     for (int column = 0; column < grid.columns(); ++column) {
-      absl::Status status = FilterBlock(film, grid, column, row, filter, &strip);
+      absl::Status status = FilterBlock(film, grid, column, row, filter, ready, &strip);
       if (!status.ok()) return status;
     }
     if (absl::Status status = sink(strip.TakeFinished(row)); !status.ok()) return status;

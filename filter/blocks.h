@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -90,15 +92,18 @@ class BlockGrid {
 /// Filters one block, a film and its edge set, to one picture or several.
 using BlockFilter = absl::FunctionRef<absl::StatusOr<std::vector<Picture>>(const EdgedImage&)>;
 
+/// The pictures of a block that was filtered before, of its Output(); nullopt: it was not. Null: none was.
+using ReadyBlocks = std::function<absl::StatusOr<std::optional<std::vector<Picture>>>(int column, int row)>;
+
 /// Filters a film block by block, from left to right and from the top down. The pictures go to `sink`, one
 /// row of blocks at a time: as the layers named in `pictures`, with the film's channels named in `passed_on`.
 /// Memory holds one block, the memory of `filter` for it, and the rows of the result that one row of blocks
-/// overlaps.
+/// overlaps. Of blocks that are `ready` nothing is read; then `passed_on` is empty.
 /// Errors: those of the film, `filter` and `sink`; kInvalidArgument for a name in `passed_on` that is not a
 ///         channel.
 absl::Status FilterInBlocks(FilmSource* film, const BlockParams& params,
                             const std::vector<std::string>& passed_on,
                             const std::vector<std::string_view>& pictures, BlockFilter filter,
-                            const RowSink& sink);
+                            const RowSink& sink, const ReadyBlocks& ready = nullptr);
 
 }  // namespace lumifold::filter

@@ -217,7 +217,7 @@ absl::StatusOr<Picture> FilterFilm(const LayeredImage& film, std::string_view me
 
 absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
                               const std::vector<std::string>& passed_on, TaskPool* pool, const RowSink& sink,
-                              const BlockParams& params) {
+                              const BlockParams& params, const ReadyBlocks& ready) {
   const absl::StatusOr<Call> call = ParseCall(method);
   if (!call.ok()) return call.status();
   const auto filter = [&](const EdgedImage& block) -> absl::StatusOr<std::vector<Picture>> {
@@ -228,7 +228,7 @@ absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
     pictures.push_back(*std::move(picture));
     return pictures;
   };
-  return FilterInBlocks(film, params, passed_on, {layers::kBeauty}, filter, sink);
+  return FilterInBlocks(film, params, passed_on, {layers::kBeauty}, filter, sink, ready);
 }
 
 absl::StatusOr<Picture> FilterFilmByRows(FilmSource* film, std::string_view method, TaskPool* pool,

@@ -66,11 +66,12 @@ absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const LayeredImage& film
 absl::Status CheckDeviation(std::string_view method);
 
 /// FilterFilm for a film that need not be in memory as a whole. The picture's rows go to `sink` from the top
-/// down, as R G B and the film's channels named in `passed_on`. The bits are those of FilterFilm.
+/// down, as R G B and the film's channels named in `passed_on`. The bits are those of FilterFilm, also where
+/// blocks are `ready`, each with one picture: FilterFilm of its Input(), cut to its Output().
 /// Errors:  those of FilterFilm and FilterInBlocks.
 absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
                               const std::vector<std::string>& passed_on, TaskPool* pool, const RowSink& sink,
-                              const BlockParams& params = {});
+                              const BlockParams& params = {}, const ReadyBlocks& ready = nullptr);
 
 /// FilterFilmInRows with its rows put together.
 absl::StatusOr<Picture> FilterFilmByRows(FilmSource* film, std::string_view method, TaskPool* pool,

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -44,6 +45,13 @@ absl::StatusOr<size_t> CommittedUnits::LogOf(const DataFolder& folder, const std
   if (!reader.ok()) return reader.status();
   logs_.push_back({name, *std::move(reader)});
   return logs_.size() - 1;
+}
+
+void CommittedUnits::KeepTiles(const std::vector<int32_t>& tiles) {
+  const std::set<int32_t> kept(tiles.begin(), tiles.end());
+  for (size_t number = 0; number < entries_.size(); ++number) {
+    if (!kept.contains(units_.KeyOf(0, static_cast<int64_t>(number)).tile)) entries_[number] = {};
+  }
 }
 
 int64_t CommittedUnits::count() const {

@@ -23,6 +23,8 @@ class CommittedUnits final : public film::UnitSource {
                                              const ledger::JobRecord& job, int32_t frame);
 
   bool Has(const job::UnitKey& key) const { return entries_[NumberOf(key)].place.length > 0; }
+  /// From now on the units of other tiles count as not committed.
+  void KeepTiles(const std::vector<int32_t>& tiles);
   /// Of the frame's units.
   int64_t count() const;
   /// Bytes of all their records.

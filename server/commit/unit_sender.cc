@@ -20,6 +20,7 @@ absl::StatusOr<bool> UnitSender::Next(v1::ByteChunk* chunk) {
   chunk->set_data(pending_.substr(0, size));
   chunk->set_checksum(rpc::Checksum(chunk->data()));
   chunk->set_total_size(size_);
+  if (sent_ == 0) chunk->set_film_levels(film_levels_);
   pending_.erase(0, size);
   sent_ += size;
   return true;

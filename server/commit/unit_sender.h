@@ -15,7 +15,9 @@ namespace lumifold::server {
 /// Threads: one at a time.
 class UnitSender {
  public:
-  explicit UnitSender(CommittedUnits units) : units_(std::move(units)), size_(units_.record_bytes()) {}
+  /// `film_levels`: see v1::ByteChunk.
+  explicit UnitSender(CommittedUnits units, uint64_t film_levels = 0)
+      : units_(std::move(units)), size_(units_.record_bytes()), film_levels_(film_levels) {}
 
   /// Fills `chunk` with the next piece; false after the last one.
   /// Errors: kDataLoss, kUnavailable naming the log.
@@ -24,6 +26,7 @@ class UnitSender {
  private:
   CommittedUnits units_;
   uint64_t size_;
+  uint64_t film_levels_;
   int64_t next_unit_ = 0;
   std::string pending_;  // read and not sent
   uint64_t sent_ = 0;

@@ -31,8 +31,12 @@ void ExplainRunning(const Farm& farm, const JobId& job, absl::Time now, v1::Expl
   for (const RunningFrame& frame : farm.frames.running()) {
     if (frame.due.job != job) continue;
     if (frame.worker.has_value()) {
+      const std::string block =
+          frame.block == FramePart::kWhole
+              ? ""
+              : absl::StrCat("block ", frame.block, " of ", frame.due.block_count, " of ");
       AddReason("filter_worker",
-                absl::StrCat("frame ", frame.due.number, " has been with worker ",
+                absl::StrCat(block, "frame ", frame.due.number, " has been with worker ",
                              farm.workers.NameOf(*frame.worker), " for ",
                              absl::ToInt64Seconds(now - frame.since), " s, which filters it"),
                 response);

@@ -124,7 +124,7 @@ void Farm::StopRendering(const JobId& job) {
   // JobEnded says so. A result that is being recorded ends by itself.
   for (const job::Attempt attempt : finish_leases.OfJob(job)) {
     if (!finish_leases.IsDelivered(attempt))
-      frames.End(finish_leases.End(attempt).frame, resources_->options.now());
+      frames.End(finish_leases.End(attempt).part, resources_->options.now());
   }
   effects_->CancelFinishing(job);
   workers.SendJobEnded(job);
@@ -225,8 +225,10 @@ void Farm::QueueDue(const FrameKey& key) {
     frame.rendered = absl::Seconds(active->record.times.render_seconds());
     frame.memory_bytes = PictureMemoryOf(active->record.spec);
     // An audit compares units. What a worker makes of them is only its word: such jobs are finished here.
-    frame.may_travel = frame.round == DueFrame::kResult && !active->record.spec.has_adaptive() &&
-                       IsOneBlock(active->record.spec) && active->record.scheduling.audit_share() == 0;
+    const bool is_of_workers_too = frame.round == DueFrame::kResult && !active->record.spec.has_adaptive() &&
+                                   active->record.scheduling.audit_share() == 0;
+    if (is_of_workers_too) frame.block_count = FrameBlocks(active->record.spec).count();
+    frame.may_travel = is_of_workers_too && frame.block_count == 1;
   }
   frame.samples = scheduler.jobs().Progress(frame.job).samples_done;
   frames.Push(std::move(frame));

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "proto/logging/fields.h"
 #include "server/coordinator/farm.h"
+#include "server/picture/make_picture.h"
 
 namespace lumifold::server {
 namespace {
@@ -155,6 +156,10 @@ std::optional<RunningFrame> Farm::BeginFrame(absl::Time now) {
     if (!scheduler.jobs().Has(due.job)) return std::nullopt;
     return finish_leases.FindPlace(scheduler.jobs().NumericClassOf(due.job), due.memory_bytes, is_available);
   };
+  frames.OfferBlocks([&](const DueFrame& due) {
+    return is_leasing() && scheduler.jobs().Has(due.job) &&
+           finish_leases.HasOffer(scheduler.jobs().NumericClassOf(due.job), due.memory_bytes, is_available);
+  });
   while (true) {
     std::optional<RunningFrame> frame = frames.Begin(now);
     if (!frame.has_value() && is_leasing()) frame = frames.BeginAway(now, find_worker);
@@ -164,7 +169,8 @@ std::optional<RunningFrame> Farm::BeginFrame(absl::Time now) {
       watchers.MarkChanged(frame->due.job);
       return frame;
     }
-    frames.End(frame->due.key(), now);
+    if (frame->block != FramePart::kWhole) frames.MarkStale(frame->due.key());
+    frames.End(frame->part(), now);
   }
 }
 
@@ -172,31 +178,39 @@ void Farm::SendFrame(const RunningFrame& frame) {
   const DueFrame& due = frame.due;
   const WorkerId worker = *frame.worker;
   const job::Attempt attempt = scheduler.NextAttempt();
-  finish_leases.Grant(attempt, {.frame = due.key(), .worker = worker, .memory_bytes = due.memory_bytes},
+  const v1::JobSpec& spec = jobs.FindActive(due.job)->record.spec;
+  const bool is_block = frame.block != FramePart::kWhole;
+  const Rect rect = is_block ? FrameBlocks(spec).Input(frame.block) : Rect{0, 0, spec.width(), spec.height()};
+  finish_leases.Grant(attempt,
+                      {.part = frame.part(),
+                       .worker = worker,
+                       .memory_bytes = due.memory_bytes,
+                       .pixels = int64_t{rect.width()} * rect.height()},
                       frame.since);
   workers.Find(worker)->known_jobs.insert(due.job);
   v1::CoordinatorMessage message;
   v1::Lease* const lease = message.mutable_grant()->add_leases();
-  *lease->mutable_unit() = job::ProtoFromUnit({due.job, {due.number, 0, 0, v1::UNIT_KIND_RESULT}});
+  *lease->mutable_unit() = job::ProtoFromUnit(UnitOf(frame.part()));
   lease->set_attempt(attempt.value());
   message.mutable_grant()->set_trace_id(jobs.FindActive(due.job)->record.scheduling.trace_id());
   workers.Send(worker, message);
-  resources_->log().info("event=frame_leased job={} frame={} worker={} attempt={}", due.job.value(),
-                         due.number, workers.NameOf(worker), attempt.value());
+  resources_->log().info("event={} unit={} worker={} attempt={}", is_block ? "block_leased" : "frame_leased",
+                         logging::Quoted(Describe(UnitOf(frame.part()))), workers.NameOf(worker),
+                         attempt.value());
 }
 
 void Farm::TakeFramesBack(const std::vector<job::Attempt>& leases, std::string_view reason) {
   for (const job::Attempt attempt : leases) {
     const FinishLease lease = finish_leases.End(attempt);
-    const auto& [job, number] = lease.frame;
-    frames.ComeBack(lease.frame, resources_->options.now());
+    frames.ComeBack(lease.part, resources_->options.now());
     v1::CoordinatorMessage message;
     v1::Lease* const ended = message.mutable_void_leases()->add_leases();
-    *ended->mutable_unit() = job::ProtoFromUnit({job, {number, 0, 0, v1::UNIT_KIND_RESULT}});
+    *ended->mutable_unit() = job::ProtoFromUnit(UnitOf(lease.part));
     ended->set_attempt(attempt.value());
     workers.Send(lease.worker, message);
-    resources_->log().warn("event=frame_came_back job={} frame={} worker={} reason={}", job.value(), number,
-                           workers.NameOf(lease.worker), logging::Quoted(std::string(reason)));
+    resources_->log().warn("event=frame_came_back unit={} worker={} reason={}",
+                           logging::Quoted(Describe(UnitOf(lease.part))), workers.NameOf(lease.worker),
+                           logging::Quoted(std::string(reason)));
   }
 }
 

@@ -11,6 +11,8 @@
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/sha256.h"
 #include "server/film/result_digest.h"
+#include "server/film/unit_film.h"
+#include "server/picture/make_picture.h"
 
 namespace lumifold::server {
 namespace {
@@ -23,7 +25,7 @@ constexpr double kMaxSeconds = 1e6;
 /// A lease to finish a frame, as a worker names it.
 struct NamedLease {
   job::WorkerId worker{};
-  FrameKey frame;
+  FramePart part;
   job::Attempt attempt{};
 };
 
@@ -34,11 +36,11 @@ absl::StatusOr<NamedLease> FindLease(Farm* farm, const std::string& worker_id, c
     return absl::NotFoundError(absl::StrCat("no active job ", logging::Quoted(unit.job_id())));
   const std::optional<job::WorkerId> worker = job::ParseWorkerId(worker_id);
   const ConnectedWorker* const connected = worker.has_value() ? farm->workers.Find(*worker) : nullptr;
-  NamedLease lease = {
-      worker.value_or(job::WorkerId()), {job::JobId(unit.job_id()), unit.frame()}, job::Attempt(attempt)};
+  NamedLease lease = {worker.value_or(job::WorkerId()), PartOf(job::UnitFromProto(unit)),
+                      job::Attempt(attempt)};
   const bool is_of_caller = connected != nullptr && connected->caller == caller;
-  if (!is_of_caller || unit.kind() != v1::UNIT_KIND_RESULT ||
-      farm->finish_leases.Find(lease.worker, lease.frame, lease.attempt) == nullptr) {
+  if (!is_of_caller || !IsOfFinishing(unit.kind()) ||
+      farm->finish_leases.Find(lease.worker, lease.part, lease.attempt) == nullptr) {
     return absl::PermissionDeniedError(absl::StrCat("worker ", logging::Quoted(worker_id),
                                                     " has no lease to finish frame ", unit.frame(),
                                                     " of job ", logging::Quoted(unit.job_id())));
@@ -56,19 +58,22 @@ v1::StageTimes StoredTimes(const v1::StageTimes& told) {
   return times;
 }
 
-/// Receives a result beside the place where it belongs, and puts it there.
+/// Receives a result, or the picture of a block, beside the place where it belongs, and puts it there.
 class ReceivedResult final : public ResultUpload {
  public:
   ReceivedResult(Resources* resources, FarmState* state, FrameFinishing* finishing, NamedLease lease,
-                 DueFrame due, v1::FrameReport report, uint64_t max_bytes)
+                 DueFrame due, v1::FrameReport report, std::optional<uint64_t> block_bytes,
+                 uint64_t max_bytes)
       : resources_(resources),
         state_(state),
         finishing_(finishing),
         lease_(std::move(lease)),
         due_(std::move(due)),
         report_(std::move(report)),
+        block_bytes_(block_bytes),
         max_bytes_(max_bytes),
-        path_(resources->folder.ResultPath(due_.job, due_.number)),
+        path_(block_bytes.has_value() ? resources->folder.BlockPath(due_.job, due_.number, lease_.part.block)
+                                      : resources->folder.ResultPath(due_.job, due_.number)),
         partial_(absl::StrCat(path_, ".", lease_.attempt.value(), kPartialSuffix)) {}
   ~ReceivedResult() override { resources_->folder.files()->Remove(partial_); }
 
@@ -95,7 +100,7 @@ class ReceivedResult final : public ResultUpload {
     if (absl::Status status = Check(); !status.ok()) return resources_->NoteError(status);
     {
       FarmState::Change farm(state_);
-      FinishLease* const lease = farm->finish_leases.Find(lease_.worker, lease_.frame, lease_.attempt);
+      FinishLease* const lease = farm->finish_leases.Find(lease_.worker, lease_.part, lease_.attempt);
       if (lease == nullptr || lease->is_delivered)
         return absl::AbortedError("result: the lease has become void");
       lease->is_delivered = true;
@@ -103,15 +108,21 @@ class ReceivedResult final : public ResultUpload {
     const absl::Status placed = Place();
     const absl::StatusOr<v1::FrameReport> report =
         placed.ok() ? absl::StatusOr<v1::FrameReport>(report_) : placed;
-    if (!absl::IsAborted(placed)) finishing_->OnFinished(due_, report);
+    if (!block_bytes_.has_value() && !absl::IsAborted(placed)) finishing_->OnFinished(due_, report);
     FarmState::Change farm(state_);
     farm->finish_leases.End(lease_.attempt);
-    farm->frames.End(lease_.frame, resources_->options.now());
+    if (block_bytes_.has_value() && !placed.ok()) {
+      farm->frames.ComeBack(lease_.part, resources_->options.now());
+    } else {
+      farm->frames.End(lease_.part, resources_->options.now());
+    }
     return resources_->NoteError(placed);
   }
 
  private:
   absl::Status Check() {
+    if (block_bytes_.has_value() && file_->total_size() != *block_bytes_)
+      return absl::InvalidArgumentError(absl::StrCat("result: a block has ", *block_bytes_, " bytes"));
     if (absl::Status status = file_->Sync(); !status.ok()) return status;
     const absl::StatusOr<std::string> digest = rpc::Sha256HexOfFile(partial_);
     if (!digest.ok()) return digest.status();
@@ -124,6 +135,7 @@ class ReceivedResult final : public ResultUpload {
     if (absl::Status status = CheckOwner(*resources_->store, resources_->Owned(due_.job)); !status.ok())
       return status;
     if (const int error = files->Rename(partial_, path_); error != 0) return StorageError(path_, error);
+    if (block_bytes_.has_value()) return absl::OkStatus();
     if (const int error = files->SyncFolder(FolderOf(path_)); error != 0) return StorageError(path_, error);
     return film::MakeResultDigest(path_, files).status();
   }
@@ -134,6 +146,7 @@ class ReceivedResult final : public ResultUpload {
   const NamedLease lease_;
   const DueFrame due_;
   const v1::FrameReport report_;
+  const std::optional<uint64_t> block_bytes_;  // of a block
   const uint64_t max_bytes_;
   const std::string path_;
   const std::string partial_;
@@ -146,17 +159,36 @@ class ReceivedResult final : public ResultUpload {
 absl::StatusOr<UnitSender> FinishDelivery::OpenUnits(const v1::FetchUnitsRequest& request,
                                                      const std::string& caller) const {
   ledger::JobRecord job;
+  FramePart part;
   {
     FarmState::Change farm(state_);
     const absl::StatusOr<NamedLease> lease =
         FindLease(&*farm, request.worker_id(), caller, request.unit(), request.attempt());
     if (!lease.ok()) return lease.status();
-    job = farm->jobs.FindActive(lease->frame.first)->record;
+    part = lease->part;
+    job = farm->jobs.FindActive(part.frame.first)->record;
   }
   absl::StatusOr<CommittedUnits> units =
       CommittedUnits::Open(resources_->folder, *resources_->store, job, request.unit().frame());
   if (!units.ok()) return units.status();
-  return UnitSender(*std::move(units));
+  if (part.block == FramePart::kWhole) return UnitSender(*std::move(units));
+  const absl::StatusOr<uint64_t> levels = LevelsOf(part.frame, job.spec, *units);
+  if (!levels.ok()) return levels.status();
+  units->KeepTiles(job::FrameUnits(job.spec).tiles().TilesIn(FrameBlocks(job.spec).Input(part.block)));
+  return UnitSender(*std::move(units), *levels);
+}
+
+absl::StatusOr<uint64_t> FinishDelivery::LevelsOf(const FrameKey& frame, const v1::JobSpec& spec,
+                                                  const CommittedUnits& units) const {
+  constexpr size_t kMaxFrames = 64;
+  // Held while the headers of all units are read: others want them too.
+  absl::MutexLock lock(&mutex_);
+  const auto known = levels_.find(frame);
+  if (known != levels_.end()) return known->second;
+  const absl::StatusOr<film::UnitFilm> film = film::UnitFilm::Open(spec, frame.second, &units, nullptr);
+  if (!film.ok()) return film.status();
+  if (levels_.size() >= kMaxFrames) levels_.clear();
+  return levels_[frame] = film->levels().to_ullong();
 }
 
 absl::StatusOr<std::unique_ptr<ResultUpload>> FinishDelivery::Receive(
@@ -167,14 +199,17 @@ absl::StatusOr<std::unique_ptr<ResultUpload>> FinishDelivery::Receive(
     absl::StatusOr<NamedLease> lease =
         FindLease(&*farm, announcement.worker_id(), caller, announcement.unit(), announcement.attempt());
     if (!lease.ok()) return lease.status();
-    const v1::JobSpec& spec = farm->jobs.FindActive(lease->frame.first)->record.spec;
+    const v1::JobSpec& spec = farm->jobs.FindActive(lease->part.frame.first)->record.spec;
     const auto pixels = static_cast<uint64_t>(spec.width()) * static_cast<uint64_t>(spec.height());
+    std::optional<uint64_t> block_bytes;
+    if (lease->part.block != FramePart::kWhole)
+      block_bytes = FrameBlocks(spec).PictureBytes(lease->part.block);
     v1::FrameReport report;
     *report.mutable_times() = StoredTimes(announcement.times());
-    DueFrame due = {.job = lease->frame.first, .number = lease->frame.second};
-    result =
-        std::make_unique<ReceivedResult>(resources_, state_, finishing_, *std::move(lease), std::move(due),
-                                         std::move(report), pixels * kMaxBytesPerPixel + kMaxOtherBytes);
+    DueFrame due = {.job = lease->part.frame.first, .number = lease->part.frame.second};
+    result = std::make_unique<ReceivedResult>(resources_, state_, finishing_, *std::move(lease),
+                                              std::move(due), std::move(report), block_bytes,
+                                              pixels * kMaxBytesPerPixel + kMaxOtherBytes);
   }
   if (absl::Status status = resources_->NoteError(result->Open()); !status.ok()) return status;
   return result;
@@ -183,7 +218,7 @@ absl::StatusOr<std::unique_ptr<ResultUpload>> FinishDelivery::Receive(
 void FinishDelivery::TakeBack(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
                               const std::string& reason) const {
   FarmState::Change farm(state_);
-  const FinishLease* const lease = farm->finish_leases.Find(worker, {unit.job, unit.key.frame}, attempt);
+  const FinishLease* const lease = farm->finish_leases.Find(worker, PartOf(unit), attempt);
   if (lease != nullptr && !lease->is_delivered) farm->TakeFramesBack({attempt}, reason);
 }
 

@@ -1,10 +1,14 @@
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
 
+#include "absl/base/thread_annotations.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/synchronization/mutex.h"
 #include "lumifold/v1/worker.pb.h"
 #include "server/commit/unit_sender.h"
 #include "server/coordinator/farm_state.h"
@@ -31,9 +35,15 @@ class FinishDelivery {
                 const std::string& reason) const;
 
  private:
+  /// The levels of light that the frame has, as v1::ByteChunk has them.
+  absl::StatusOr<uint64_t> LevelsOf(const FrameKey& frame, const v1::JobSpec& spec,
+                                    const CommittedUnits& units) const;
+
   Resources* const resources_;
   FarmState* const state_;
   FrameFinishing* const finishing_;
+  mutable absl::Mutex mutex_;
+  mutable std::map<FrameKey, uint64_t> levels_ ABSL_GUARDED_BY(mutex_);  // of some frames, found before
 };
 
 }  // namespace lumifold::server

@@ -17,7 +17,7 @@ constexpr absl::Duration kLongest = absl::Minutes(30);
 }  // namespace
 
 void FinishLeases::AddWorker(WorkerId worker, const FinishOffer& offer) {
-  if (offer.places > 0) offers_[worker] = offer;
+  if (offer.places > 0) offers_[worker] = {offer, offer};
 }
 
 std::vector<Attempt> FinishLeases::RemoveWorker(WorkerId worker) {
@@ -34,26 +34,36 @@ std::optional<WorkerId> FinishLeases::FindPlace(const std::string& numeric_class
   std::optional<WorkerId> best;
   int places = 0;
   for (const auto& [worker, offer] : offers_) {
-    if (offer.places <= places || offer.memory_bytes < memory_bytes || offer.numeric_class != numeric_class ||
+    const FinishOffer& left = offer.left;
+    if (left.places <= places || left.memory_bytes < memory_bytes || left.numeric_class != numeric_class ||
         !is_available(worker))
       continue;
     best = worker;
-    places = offer.places;
+    places = left.places;
   }
   return best;
 }
 
+bool FinishLeases::HasOffer(const std::string& numeric_class, uint64_t memory_bytes,
+                            absl::FunctionRef<bool(WorkerId)> is_available) const {
+  return std::any_of(offers_.begin(), offers_.end(), [&](const auto& entry) {
+    const FinishOffer& whole = entry.second.whole;
+    return whole.memory_bytes >= memory_bytes && whole.numeric_class == numeric_class &&
+           is_available(entry.first);
+  });
+}
+
 void FinishLeases::Grant(Attempt attempt, FinishLease lease, absl::Time now) {
-  FinishOffer& offer = offers_.at(lease.worker);
+  FinishOffer& offer = offers_.at(lease.worker).left;
   --offer.places;
   offer.memory_bytes -= lease.memory_bytes;
   lease.granted = lease.heard = lease.progressed = now;
   leases_.emplace(attempt, std::move(lease));
 }
 
-FinishLease* FinishLeases::Find(WorkerId worker, const FrameKey& frame, Attempt attempt) {
+FinishLease* FinishLeases::Find(WorkerId worker, const FramePart& part, Attempt attempt) {
   const auto found = leases_.find(attempt);
-  if (found == leases_.end() || found->second.worker != worker || found->second.frame != frame)
+  if (found == leases_.end() || found->second.worker != worker || !(found->second.part == part))
     return nullptr;
   return &found->second;
 }
@@ -61,8 +71,8 @@ FinishLease* FinishLeases::Find(WorkerId worker, const FrameKey& frame, Attempt 
 FinishLease FinishLeases::End(Attempt attempt) {
   FinishLease lease = std::move(leases_.extract(attempt).mapped());
   if (const auto offer = offers_.find(lease.worker); offer != offers_.end()) {
-    ++offer->second.places;
-    offer->second.memory_bytes += lease.memory_bytes;
+    ++offer->second.left.places;
+    offer->second.left.memory_bytes += lease.memory_bytes;
   }
   return lease;
 }
@@ -70,7 +80,7 @@ FinishLease FinishLeases::End(Attempt attempt) {
 std::vector<Attempt> FinishLeases::OfJob(const job::JobId& job) const {
   std::vector<Attempt> found;
   for (const auto& [attempt, lease] : leases_) {
-    if (lease.frame.first == job) found.push_back(attempt);
+    if (lease.part.frame.first == job) found.push_back(attempt);
   }
   return found;
 }

@@ -9,7 +9,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/time/time.h"
 #include "absl/types/span.h"
-#include "server/commit/open_logs.h"
+#include "server/coordinator/frame_queue.h"
 #include "server/job/ids.h"
 #include "server/scheduler/types.h"
 
@@ -22,9 +22,9 @@ struct FinishOffer {
   uint64_t memory_bytes = 0;
 };
 
-/// The right of a worker to finish a frame.
+/// The right of a worker to finish a frame or a block.
 struct FinishLease {
-  FrameKey frame;
+  FramePart part;
   job::WorkerId worker{};
   uint64_t memory_bytes = 0;
   int64_t pixels = 0;
@@ -37,9 +37,9 @@ struct FinishLease {
 };
 
 /// The leases of workers to finish frames. They end as those of units do: with the connection, without
-/// heartbeats, when the worker no longer names them, and when they stand still for longer than a lease and the
-/// filter of their pixels on a slow machine; and after half an hour, so that whoever only seems to work costs
-/// no more. Pure state.
+/// heartbeats, when the worker no longer names them, and when they stand still for longer than a lease and
+/// the filter of their pixels on a slow machine; and after half an hour, so that whoever only seems to work
+/// costs no more. Pure state.
 /// Threads: one at a time.
 class FinishLeases {
  public:
@@ -56,8 +56,11 @@ class FinishLeases {
 
   /// `attempt` is new; worker, frame and memory of `lease` are set.
   void Grant(job::Attempt attempt, FinishLease lease, absl::Time now);
-  /// Null if the worker has no such lease of this frame. Valid until the next change.
-  FinishLease* Find(job::WorkerId worker, const FrameKey& frame, job::Attempt attempt);
+  /// Whether a worker of this class offers places and this memory, taken or not, of those that are available.
+  bool HasOffer(const std::string& numeric_class, uint64_t memory_bytes,
+                absl::FunctionRef<bool(job::WorkerId)> is_available) const;
+  /// Null if the worker has no such lease. Valid until the next change.
+  FinishLease* Find(job::WorkerId worker, const FramePart& part, job::Attempt attempt);
   /// The lease exists; returns it.
   FinishLease End(job::Attempt attempt);
   bool IsDelivered(job::Attempt attempt) const { return leases_.at(attempt).is_delivered; }
@@ -73,7 +76,11 @@ class FinishLeases {
 
  private:
   const absl::Duration lease_;
-  std::map<job::WorkerId, FinishOffer> offers_;  // what is left of them
+  struct Offer {
+    FinishOffer whole;
+    FinishOffer left;
+  };
+  std::map<job::WorkerId, Offer> offers_;
   std::map<job::Attempt, FinishLease> leases_;
 };
 

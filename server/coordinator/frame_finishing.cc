@@ -52,14 +52,19 @@ void FrameFinishing::FinishFrame(const RunningFrame& frame) {
   FrameFinisher* const finisher = resources_->finisher;
   const DueFrame& due = frame.due;
   const absl::StatusOr<v1::FrameReport> report =
-      due.round == DueFrame::kResult ? finisher->Finish(resources_->Owned(due.job), due.number, frame.threads)
-                                     : finisher->Estimate({due.job, resources_->owner.epoch, due.number,
-                                                           due.round, due.rendered, due.samples},
-                                                          frame.threads);
+      due.round == DueFrame::kResult
+          ? finisher->Finish(resources_->Owned(due.job), due.number, frame.threads, due.blocks.done)
+          : finisher->Estimate(
+                {due.job, resources_->owner.epoch, due.number, due.round, due.rendered, due.samples},
+                frame.threads);
   // Aborted: another coordinator has taken the job over, and finishes the frame.
   const bool is_dropped = absl::IsCancelled(report.status()) || absl::IsAborted(report.status());
   if (!is_dropped) OnFinished(due, report);
-  FarmState::Change(state_)->frames.End(due.key(), resources_->options.now());
+  if (report.ok()) {
+    for (const int block : due.blocks.done)
+      resources_->folder.files()->Remove(resources_->folder.BlockPath(due.job, due.number, block));
+  }
+  FarmState::Change(state_)->frames.End(frame.part(), resources_->options.now());
 }
 
 void FrameFinishing::JoinEnded() {

@@ -17,6 +17,19 @@ constexpr absl::Duration kLongestPause = absl::Minutes(1);
 
 }  // namespace
 
+job::UnitRef UnitOf(const FramePart& part) {
+  const auto& [job, number] = part.frame;
+  if (part.block == FramePart::kWhole) return {job, {number, 0, 0, v1::UNIT_KIND_RESULT}};
+  return {job, {number, part.block, 0, v1::UNIT_KIND_BLOCK}};
+}
+
+FramePart PartOf(const job::UnitRef& unit) {
+  return {{unit.job, unit.key.frame},
+          unit.key.kind == v1::UNIT_KIND_BLOCK ? unit.key.tile : FramePart::kWhole};
+}
+
+bool IsOfFinishing(v1::UnitKind kind) { return kind == v1::UNIT_KIND_RESULT || kind == v1::UNIT_KIND_BLOCK; }
+
 FrameQueue::FrameQueue(const FinishOptions& options)
     : after_failures_{.first = options.pause, .factor = kPauseGrowth},
       for_storage_{.first = options.pause, .longest = kLongestPause, .factor = kPauseGrowth},
@@ -56,26 +69,44 @@ bool FrameQueue::TakeNews() { return std::exchange(has_news_, false); }
 
 void FrameQueue::FindReady(absl::Time now) {
   for (const DueFrame& frame : waiting_) {
-    if (MayBegin(frame, now)) share_.SetQueue(numbers_.at(frame.job), &ready_, now);
+    if (IsReady(frame, now)) share_.SetQueue(numbers_.at(frame.job), &ready_, now);
   }
 }
 
-std::deque<DueFrame>::iterator FrameQueue::FirstOf(int64_t job, absl::Time now) {
+std::deque<DueFrame>::iterator FrameQueue::FirstOf(int64_t job,
+                                                   absl::FunctionRef<bool(const DueFrame&)> condition) {
   return std::find_if(waiting_.begin(), waiting_.end(), [&](const DueFrame& frame) {
-    return numbers_.at(frame.job) == job && MayBegin(frame, now);
+    return numbers_.at(frame.job) == job && condition(frame);
   });
 }
 
 std::optional<RunningFrame> FrameQueue::Begin(absl::Time now) {
   FindReady(now);
-  const std::optional<scheduler::FairShare::Candidate> first = share_.First(ready_, {});
-  if (!first.has_value()) return std::nullopt;
-  const auto due = FirstOf(first->job, now);
-  // Others do not overtake a frame that needs more memory than is left, or it would wait for ever.
-  if (!HasRoom(*due, share_.UserOf(first->job))) return std::nullopt;
-  const auto ready = std::count_if(waiting_.begin(), waiting_.end(),
-                                   [&](const DueFrame& other) { return MayBegin(other, now); });
-  return Start(*first, due, std::nullopt, ThreadsFor(*due, ready), now);
+  const auto may_begin = [&](const DueFrame& frame) { return MayBegin(frame, now); };
+  std::set<int64_t> passed;  // jobs of which blocks alone may begin
+  while (const std::optional<scheduler::FairShare::Candidate> first = share_.First(ready_, passed)) {
+    const auto due = FirstOf(first->job, may_begin);
+    if (due == waiting_.end()) {
+      passed.insert(first->job);
+      continue;
+    }
+    // Others do not overtake a frame that needs more memory than is left, or it would wait for ever.
+    if (!HasRoom(*due, share_.UserOf(first->job))) return std::nullopt;
+    const auto ready = std::count_if(waiting_.begin(), waiting_.end(), may_begin);
+    return Start(*first, due, std::nullopt, ThreadsFor(*due, ready), now);
+  }
+  return std::nullopt;
+}
+
+void FrameQueue::OfferBlocks(absl::FunctionRef<bool(const DueFrame&)> has_workers) {
+  for (DueFrame& frame : waiting_) {
+    if (frame.block_count <= 1 || (frame.blocks.have_begun && frame.blocks.waiting.empty())) continue;
+    if (!has_workers(frame)) {
+      frame.blocks.waiting.clear();
+    } else if (!std::exchange(frame.blocks.have_begun, true)) {
+      for (int block = frame.block_count; block > 0;) frame.blocks.waiting.push_back(--block);
+    }
+  }
 }
 
 std::optional<RunningFrame> FrameQueue::BeginAway(
@@ -83,8 +114,8 @@ std::optional<RunningFrame> FrameQueue::BeginAway(
   FindReady(now);
   std::set<int64_t> passed;  // jobs whose frames stay here
   while (const std::optional<scheduler::FairShare::Candidate> first = share_.First(ready_, passed)) {
-    const auto due = std::find_if(waiting_.begin(), waiting_.end(), [&](const DueFrame& frame) {
-      return frame.may_travel && numbers_.at(frame.job) == first->job && MayBegin(frame, now);
+    const auto due = FirstOf(first->job, [&](const DueFrame& frame) {
+      return !frame.blocks.waiting.empty() || (frame.may_travel && MayBegin(frame, now));
     });
     const std::optional<job::WorkerId> worker = due == waiting_.end() ? std::nullopt : find_worker(*due);
     if (worker.has_value()) return Start(*first, due, worker, /*threads=*/1, now);
@@ -96,44 +127,73 @@ std::optional<RunningFrame> FrameQueue::BeginAway(
 RunningFrame FrameQueue::Start(const scheduler::FairShare::Candidate& first,
                                std::deque<DueFrame>::iterator due, std::optional<job::WorkerId> worker,
                                int threads, absl::Time now) {
-  const RunningFrame frame = {.due = std::move(*due),
-                              .user = share_.UserOf(first.job),
-                              .job_number = first.job,
-                              .worker = worker,
-                              .threads = threads,
-                              .since = now};
-  waiting_.erase(due);
+  RunningFrame frame = {.due = *due,
+                        .user = share_.UserOf(first.job),
+                        .job_number = first.job,
+                        .worker = worker,
+                        .threads = threads,
+                        .since = now};
+  if (worker.has_value() && !due->blocks.waiting.empty()) {
+    frame.block = due->blocks.waiting.back();
+    due->blocks.waiting.pop_back();
+    ++due->blocks.running;
+  } else {
+    waiting_.erase(due);
+  }
   running_.push_back(frame);
   share_.Choose(first);
   share_.Granted(first.job, now);
-  if (FirstOf(first.job, now) == waiting_.end()) share_.SetQueue(first.job, nullptr, now);
+  const auto next = FirstOf(first.job, [&](const DueFrame& other) { return IsReady(other, now); });
+  if (next == waiting_.end()) share_.SetQueue(first.job, nullptr, now);
   return frame;
 }
 
-std::vector<RunningFrame>::iterator FrameQueue::FindRunning(const FrameKey& key) {
+std::vector<RunningFrame>::iterator FrameQueue::FindRunning(const FramePart& part) {
   const auto frame = std::find_if(running_.begin(), running_.end(),
-                                  [&](const RunningFrame& other) { return other.due.key() == key; });
+                                  [&](const RunningFrame& other) { return other.part() == part; });
   LUMIFOLD_CHECK(frame != running_.end());
   return frame;
 }
 
-void FrameQueue::End(const FrameKey& key, absl::Time now) {
-  const auto frame = FindRunning(key);
-  // Of a job that has ended, and perhaps begun again, nothing is charged.
-  const auto number = numbers_.find(key.first);
-  if (number != numbers_.end() && number->second == frame->job_number)
-    share_.Ended(number->second, frame->threads * (now - frame->since));
-  running_.erase(frame);
-  has_news_ = true;
+std::deque<DueFrame>::iterator FrameQueue::FindWaiting(const FrameKey& frame) {
+  return std::find_if(waiting_.begin(), waiting_.end(), [&](const DueFrame& other) {
+    return other.key() == frame && other.blocks.running > 0;
+  });
 }
 
-void FrameQueue::ComeBack(const FrameKey& key, absl::Time now) {
-  const auto frame = FindRunning(key);
-  DueFrame due = frame->due;
-  const bool is_wanted = !frame->is_stale && numbers_.contains(key.first);
-  End(key, now);
-  due.may_travel = false;
-  if (is_wanted) waiting_.push_front(std::move(due));
+RunningFrame FrameQueue::Take(const FramePart& part, absl::Time now) {
+  const auto running = FindRunning(part);
+  RunningFrame frame = std::move(*running);
+  running_.erase(running);
+  // Of a job that has ended, and perhaps begun again, nothing is charged.
+  const auto number = numbers_.find(part.frame.first);
+  if (number != numbers_.end() && number->second == frame.job_number)
+    share_.Ended(number->second, frame.threads * (now - frame.since));
+  has_news_ = true;
+  return frame;
+}
+
+void FrameQueue::End(const FramePart& part, absl::Time now) {
+  const RunningFrame ended = Take(part, now);
+  const auto frame = FindWaiting(part.frame);
+  if (part.block == FramePart::kWhole || ended.is_stale || frame == waiting_.end()) return;
+  --frame->blocks.running;
+  frame->blocks.done.push_back(part.block);
+}
+
+void FrameQueue::ComeBack(const FramePart& part, absl::Time now) {
+  RunningFrame ended = Take(part, now);
+  if (ended.is_stale || !numbers_.contains(part.frame.first)) return;
+  if (part.block == FramePart::kWhole) {
+    ended.due.may_travel = false;
+    return waiting_.push_front(std::move(ended.due));
+  }
+  const auto frame = FindWaiting(part.frame);
+  if (frame == waiting_.end()) return;
+  --frame->blocks.running;
+  // Workers that fail again and again: this coordinator makes what is left.
+  if (++frame->blocks.failures > frame->block_count) return frame->blocks.waiting.clear();
+  frame->blocks.waiting.push_back(part.block);
 }
 
 uint64_t FrameQueue::MemoryOf(const DueFrame& frame) const {
@@ -195,23 +255,30 @@ void FrameQueue::AwaitStorage(DueFrame* frame, absl::Time now) {
   waiting_.push_back(*frame);
 }
 
-bool FrameQueue::IsRunning(const FrameKey& frame) const {
+bool FrameQueue::IsRunning(const FramePart& part) const {
   return std::any_of(running_.begin(), running_.end(),
-                     [&](const RunningFrame& other) { return other.due.key() == frame; });
+                     [&](const RunningFrame& other) { return other.part() == part; });
 }
 
 int FrameQueue::CountRunning(const job::JobId& job) const {
-  return static_cast<int>(std::count_if(running_.begin(), running_.end(),
-                                        [&](const RunningFrame& frame) { return frame.due.job == job; }));
+  std::set<int32_t> frames;
+  for (const RunningFrame& frame : running_) {
+    if (frame.due.job == job) frames.insert(frame.due.number);
+  }
+  return static_cast<int>(frames.size());
 }
 
 int FrameQueue::CountWaiting(const job::JobId& job) const {
-  return static_cast<int>(std::count_if(waiting_.begin(), waiting_.end(),
-                                        [&](const DueFrame& frame) { return frame.job == job; }));
+  return static_cast<int>(std::count_if(waiting_.begin(), waiting_.end(), [&](const DueFrame& frame) {
+    return frame.job == job && frame.blocks.running == 0;
+  }));
 }
 
 void FrameQueue::MarkStale(const FrameKey& frame) {
   for (RunningFrame& other : running_) other.is_stale = other.is_stale || other.due.key() == frame;
+  // What its blocks were made of is gone. It is queued again when it is committed again.
+  std::erase_if(waiting_,
+                [&](const DueFrame& other) { return other.key() == frame && other.blocks.have_begun; });
 }
 
 bool FrameQueue::IsStale(const FrameKey& frame) const {

@@ -14,9 +14,38 @@
 #include "server/commit/open_logs.h"
 #include "server/coordinator/finish_options.h"
 #include "server/job/ids.h"
+#include "server/job/unit.h"
 #include "server/scheduler/fair_share.h"
 
 namespace lumifold::server {
+
+/// A frame, or one of its blocks, that is being finished.
+struct FramePart {
+  FrameKey frame;
+  int block = kWhole;
+  static constexpr int kWhole = -1;
+
+  friend bool operator==(const FramePart&, const FramePart&) = default;
+};
+
+/// As which unit it is leased, and the inverse for a unit of these kinds.
+job::UnitRef UnitOf(const FramePart& part);
+FramePart PartOf(const job::UnitRef& unit);
+/// Whether a unit of this kind is leased so.
+bool IsOfFinishing(v1::UnitKind kind);
+
+/// How far the blocks of a frame are that workers filter side by side.
+struct BlockProgress {
+  bool have_begun = false;
+  /// Those that wait for a worker; the next one is the last.
+  std::vector<int> waiting;
+  int running = 0;
+  /// Those whose picture is here.
+  std::vector<int> done;
+  int failures = 0;
+
+  bool IsOver() const { return waiting.empty() && running == 0; }
+};
 
 /// A frame for which something is due: its result, or with adaptive sampling the estimate of a round.
 struct DueFrame {
@@ -32,6 +61,9 @@ struct DueFrame {
   uint64_t memory_bytes = 0;
   /// A worker may finish it, too.
   bool may_travel = false;
+  /// More than 1: workers may filter so many blocks of it.
+  int block_count = 1;
+  BlockProgress blocks{};
   /// Number of times that finishing it has failed, and when it may be tried again.
   int failures = 0;
   /// Number of times that the storage could not be written meanwhile, which is no failure of the frame.
@@ -41,9 +73,10 @@ struct DueFrame {
   FrameKey key() const { return {job, number}; }
 };
 
-/// A frame that is being finished.
+/// A frame that is being finished, or a block of it.
 struct RunningFrame {
   DueFrame due;
+  int block = FramePart::kWhole;
   /// Whose job it is, and its number in the queue.
   std::string user;
   int64_t job_number = 0;
@@ -54,6 +87,8 @@ struct RunningFrame {
   absl::Time since;
   /// Units were taken back meanwhile: its result is of no use.
   bool is_stale = false;
+
+  FramePart part() const { return {due.key(), block}; }
 };
 
 /// The frames that wait to be finished, and those that are being finished. Pure state.
@@ -61,7 +96,8 @@ struct RunningFrame {
 /// Users and jobs share the finisher as they share workers (scheduler::FairShare): what counts is the frames
 /// that are being finished and, once they are, the time of their threads. The frames of a job go in the order
 /// in which they became due. A frame alone gets all threads; of several, each gets its part. Frames for which
-/// this coordinator has no place go to workers that have one.
+/// this coordinator has no place go to workers that have one. A frame of several blocks waits while workers
+/// filter these, and then this coordinator makes the rest.
 /// Threads: one at a time.
 class FrameQueue {
  public:
@@ -86,10 +122,14 @@ class FrameQueue {
   /// The same for a worker, where Begin has none. `find_worker` has a place for a frame, or not.
   std::optional<RunningFrame> BeginAway(
       absl::Time now, absl::FunctionRef<std::optional<job::WorkerId>(const DueFrame&)> find_worker);
-  /// Of a frame that is running, as ComeBack.
-  void End(const FrameKey& frame, absl::Time now);
-  /// Ends a frame that a worker has not finished. It is queued again, for this coordinator.
-  void ComeBack(const FrameKey& frame, absl::Time now);
+  /// Of a frame that waits for its blocks `has_workers` says whether any worker could take one: then they
+  /// wait for workers, otherwise for nothing.
+  void OfferBlocks(absl::FunctionRef<bool(const DueFrame&)> has_workers);
+  /// Of what is running, as ComeBack. A block is done.
+  void End(const FramePart& part, absl::Time now);
+  /// Ends what a worker has not finished. A frame is queued again, for this coordinator; a block, for any
+  /// worker.
+  void ComeBack(const FramePart& part, absl::Time now);
   /// When the next of those that may not be finished yet may be; InfiniteFuture if there is none.
   absl::Time NextDue(absl::Time now) const;
   /// Queues a frame again that failed, for later. False where it has failed too often.
@@ -110,18 +150,26 @@ class FrameQueue {
   int CountHere() const;
 
  private:
-  bool IsRunning(const FrameKey& frame) const;
+  bool IsRunning(const FramePart& part) const;
   bool MayBegin(const DueFrame& frame, absl::Time now) const {
-    return frame.not_before <= now && !IsRunning(frame.key());
+    return frame.not_before <= now && frame.blocks.IsOver() && !IsRunning({frame.key()});
+  }
+  /// Whether the frame, or a block of it, may begin.
+  bool IsReady(const DueFrame& frame, absl::Time now) const {
+    return !frame.blocks.waiting.empty() || MayBegin(frame, now);
   }
   /// Jobs with a frame that may be finished now are ready for the next place.
   void FindReady(absl::Time now);
-  /// The frame is running.
-  std::vector<RunningFrame>::iterator FindRunning(const FrameKey& frame);
-  /// The frame of a job that begins next.
-  std::deque<DueFrame>::iterator FirstOf(int64_t job, absl::Time now);
+  /// It is running.
+  std::vector<RunningFrame>::iterator FindRunning(const FramePart& part);
+  /// The first frame of a job that meets the condition; end() if there is none.
+  std::deque<DueFrame>::iterator FirstOf(int64_t job, absl::FunctionRef<bool(const DueFrame&)> condition);
+  /// The frame whose blocks are being filtered; end() if it is not queued any more.
+  std::deque<DueFrame>::iterator FindWaiting(const FrameKey& frame);
   RunningFrame Start(const scheduler::FairShare::Candidate& first, std::deque<DueFrame>::iterator due,
                      std::optional<job::WorkerId> worker, int threads, absl::Time now);
+  /// Ends what is running; returns it.
+  RunningFrame Take(const FramePart& part, absl::Time now);
   uint64_t MemoryOf(const DueFrame& frame) const;
   /// Memory of the frames that are finished here.
   uint64_t UsedMemory() const;

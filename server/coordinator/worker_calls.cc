@@ -192,7 +192,7 @@ void WorkerCalls::RefuseUnit(WorkerId worker, const UnitRef& unit, Attempt attem
 
 void WorkerCalls::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt,
                            const scheduler::UnitFailure& failure) {
-  if (unit.key.kind == v1::UNIT_KIND_RESULT) return finishing_.TakeBack(worker, unit, attempt, failure.error);
+  if (IsOfFinishing(unit.key.kind)) return finishing_.TakeBack(worker, unit, attempt, failure.error);
   FarmState::Change farm(state_);
   farm->scheduler.units().Fail(worker, unit, attempt, failure, resources_->options.now());
   resources_->log().warn("event=unit_failed unit={} worker={} permanent={} out_of_memory={} error={}",
@@ -202,7 +202,7 @@ void WorkerCalls::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt
 
 void WorkerCalls::HandBack(WorkerId worker, const v1::HandBack& message) {
   for (const v1::Lease& lease : message.leases()) {
-    if (lease.unit().kind() == v1::UNIT_KIND_RESULT)
+    if (IsOfFinishing(lease.unit().kind()))
       finishing_.TakeBack(worker, job::UnitFromProto(lease.unit()), Attempt(lease.attempt()), "handed_back");
   }
   FarmState::Change farm(state_);

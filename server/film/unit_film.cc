@@ -108,6 +108,13 @@ absl::StatusOr<UnitFilm> UnitFilm::OpenUnfinished(const v1::JobSpec& spec, int32
   return film;
 }
 
+UnitFilm UnitFilm::OpenPart(const v1::JobSpec& spec, int32_t frame, const UnitSource* units, TaskPool* pool,
+                            const LevelSet& levels) {
+  UnitFilm film(spec, frame, units, pool, {});
+  film.levels_ = levels;
+  return film;
+}
+
 absl::Status UnitFilm::FindOutline() {
   absl::Mutex mutex;
   const std::vector<int32_t> all = tiles_.tiles().TilesIn({0, 0, width_, height_});

@@ -42,10 +42,17 @@ class UnitFilm final : public FilmSource {
                                                  std::function<bool(const job::UnitKey&)> has,
                                                  TaskPool* pool);
 
+  /// The film of a frame of which some tiles are here alone, those that its reads touch. `levels` are the
+  /// frame's. Neither edge_rows() nor CountFragments() are known.
+  static UnitFilm OpenPart(const v1::JobSpec& spec, int32_t frame, const UnitSource* units, TaskPool* pool,
+                           const LevelSet& levels);
+
   int width() const override { return width_; }
   int height() const override { return height_; }
   /// An image without pixels that has the film's channels.
   LayeredImage Outline() const;
+  /// The levels that any unit of the frame has.
+  const LevelSet& levels() const { return levels_; }
   /// Number of rows of the edge set of the whole film.
   int64_t edge_rows() const { return edge_rows_; }
   /// Number of fragments of the whole film. Reads all passes that have any.

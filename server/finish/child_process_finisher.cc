@@ -1,7 +1,10 @@
 #include <utility>
+#include <vector>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
 #include "proto/rpc/monotonic.h"
 #include "server/child/child_process.h"
 #include "server/child/child_task.h"
@@ -20,37 +23,40 @@ class ChildProcessFinisher final : public FrameFinisher {
   ChildProcessFinisher(const DataFolder& folder, const ChildProcessOptions& options)
       : folder_(folder), child_(options) {}
 
-  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame, int threads) override {
+  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame, int threads,
+                                         const std::vector<int>& blocks) override {
     return Run(
         {.job = job.job, .epoch = job.epoch, .frame = frame, .round = kResult, .rendered = {}, .samples = 0},
-        threads);
+        threads, blocks);
   }
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {
-    return Run(round, threads);
+    return Run(round, threads, {});
   }
   void CancelJob(const job::JobId& job) override { child_.CancelJob(job); }
   void Cancel() override { child_.Cancel(); }
 
  private:
   /// Starts a child for the estimate of a round, or for the result.
-  absl::StatusOr<v1::FrameReport> Run(const RoundToEstimate& what, int threads);
+  absl::StatusOr<v1::FrameReport> Run(const RoundToEstimate& what, int threads,
+                                      const std::vector<int>& blocks);
 
   const DataFolder folder_;
   ChildProcess child_;
 };
 
-absl::StatusOr<v1::FrameReport> ChildProcessFinisher::Run(const RoundToEstimate& what, int threads) {
+absl::StatusOr<v1::FrameReport> ChildProcessFinisher::Run(const RoundToEstimate& what, int threads,
+                                                          const std::vector<int>& blocks) {
   const std::string task = absl::StrCat("frame ", what.frame);
-  const absl::StatusOr<std::string> answer =
-      child_.Run({.command = kFinishFrameCommand,
-                  .root = folder_.root(),
-                  .threads = threads,
-                  .arguments = {what.job.value(), absl::StrCat(what.frame), absl::StrCat(what.round),
-                                absl::StrCat(absl::ToInt64Milliseconds(what.rendered)),
-                                absl::StrCat(what.samples), absl::StrCat(what.epoch.value()),
-                                what.round == kResult ? "" : kUrgent},  // workers wait for rounds
-                  .job = what.job,
-                  .task = task});
+  const absl::StatusOr<std::string> answer = child_.Run(
+      {.command = kFinishFrameCommand,
+       .root = folder_.root(),
+       .threads = threads,
+       .arguments = {what.job.value(), absl::StrCat(what.frame), absl::StrCat(what.round),
+                     absl::StrCat(absl::ToInt64Milliseconds(what.rendered)), absl::StrCat(what.samples),
+                     absl::StrCat(what.epoch.value()), absl::StrJoin(blocks, ","),
+                     what.round == kResult ? "" : kUrgent},  // workers wait for rounds
+       .job = what.job,
+       .task = task});
   if (!answer.ok()) return answer.status();
   v1::FrameReport report;
   if (!report.ParseFromString(*answer))
@@ -58,14 +64,23 @@ absl::StatusOr<v1::FrameReport> ChildProcessFinisher::Run(const RoundToEstimate&
   return report;
 }
 
+bool ParseBlocks(const std::string& list, std::vector<int>* blocks) {
+  for (const absl::string_view text : absl::StrSplit(list, ',', absl::SkipEmpty())) {
+    if (!absl::SimpleAtoi(text, &blocks->emplace_back())) return false;
+  }
+  return true;
+}
+
 absl::StatusOr<std::string> FinishAsChild(const ChildTask& task) {
   RoundToEstimate what;
   int64_t rendered_ms = 0;
   int64_t epoch = 0;
   const std::vector<std::string>& arguments = task.arguments;
-  if (arguments.size() != 7 || !absl::SimpleAtoi(arguments[1], &what.frame) ||
-      !absl::SimpleAtoi(arguments[2], &what.round) || !absl::SimpleAtoi(arguments[3], &rendered_ms) ||
-      !absl::SimpleAtoi(arguments[4], &what.samples) || !absl::SimpleAtoi(arguments[5], &epoch)) {
+  std::vector<int> blocks;
+  if (arguments.size() != 8 || !ParseBlocks(arguments[6], &blocks) ||
+      !absl::SimpleAtoi(arguments[1], &what.frame) || !absl::SimpleAtoi(arguments[2], &what.round) ||
+      !absl::SimpleAtoi(arguments[3], &rendered_ms) || !absl::SimpleAtoi(arguments[4], &what.samples) ||
+      !absl::SimpleAtoi(arguments[5], &epoch)) {
     return absl::InvalidArgumentError("finish-frame: only the coordinator starts this command");
   }
   what.job = job::JobId(arguments[0]);
@@ -73,7 +88,7 @@ absl::StatusOr<std::string> FinishAsChild(const ChildTask& task) {
   what.epoch = ledger::Epoch(epoch);
   const absl::StatusOr<v1::FrameReport> report =
       what.round == kResult ? FinishFrame(task.folder, task.store, {what.job, what.epoch}, what.frame,
-                                          task.pool, rpc::MonotonicNow)
+                                          task.pool, rpc::MonotonicNow, {}, blocks)
                             : EstimateRound(task.folder, task.store, what, task.pool, rpc::MonotonicNow);
   if (!report.ok()) return report.status();
   return report->SerializeAsString();

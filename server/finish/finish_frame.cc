@@ -1,9 +1,12 @@
 #include "server/finish/finish_frame.h"
 
+#include <algorithm>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
 
+#include "filter/image/file_io.h"
 #include "server/commit/committed_units.h"
 #include "server/film/result_digest.h"
 #include "server/finish/estimate_round.h"
@@ -14,7 +17,8 @@ namespace lumifold::server {
 absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::JobStore& store,
                                             const ledger::OwnedJob& owned, int32_t frame, TaskPool* pool,
                                             const std::function<absl::Time()>& now,
-                                            const filter::BlockParams& blocks) {
+                                            const filter::BlockParams& blocks,
+                                            const std::vector<int>& ready) {
   const job::JobId& job_id = owned.job;
   const absl::StatusOr<ledger::JobRecord> job = store.GetJob(job_id);
   if (!job.ok()) return job.status();
@@ -34,7 +38,15 @@ absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::Jo
        .frame = frame,
        .numeric_class = job->numeric_class,
        .units = *units,
-       .rounds = rounds.has_value() ? &*rounds : nullptr},
+       .rounds = rounds.has_value() ? &*rounds : nullptr,
+       .ready_blocks = [&](int block) -> absl::StatusOr<std::optional<std::string>> {
+         if (std::find(ready.begin(), ready.end(), block) == ready.end()) return std::nullopt;
+         absl::StatusOr<std::string> bytes =
+             ReadFile(folder.BlockPath(job_id, frame, block),
+                      static_cast<int64_t>(FrameBlocks(job->spec, blocks).PictureBytes(block)));
+         if (!bytes.ok()) return std::nullopt;  // it is made here
+         return *std::move(bytes);
+       }},
       {.path = path, .files = folder.files(), .may_commit = [&] { return CheckOwner(store, owned); }}, pool,
       now, blocks);
   if (!report.ok()) return report;

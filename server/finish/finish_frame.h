@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
@@ -13,13 +14,15 @@
 namespace lumifold::server {
 
 /// Makes the result file of a committed frame by MakePicture, and its digest. A repeated call writes the same
-/// bytes. Returns the time of each stage, measured with `now`.
+/// bytes. Of the blocks named in `ready` the picture is at DataFolder::BlockPath; one that cannot be read is
+/// made here. Returns the time of each stage, measured with `now`.
 /// Errors: kNotFound for an unknown job; those of MakePicture; kAborted where the job has another owner by
 /// the end: then the result is not replaced.
 /// Threads: safe for different frames; the file does not depend on `pool`, which may be null.
 absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::JobStore& store,
                                             const ledger::OwnedJob& job, int32_t frame, TaskPool* pool,
                                             const std::function<absl::Time()>& now,
-                                            const filter::BlockParams& blocks = {});
+                                            const filter::BlockParams& blocks = {},
+                                            const std::vector<int>& ready = {});
 
 }  // namespace lumifold::server

@@ -22,9 +22,10 @@ class FrameFinisher {
  public:
   virtual ~FrameFinisher() = default;
 
-  /// Writes the frame's result; blocks.
+  /// Writes the frame's result; blocks. `blocks`: those that DataFolder::BlockPath has.
   /// Errors: as FinishFrame; kCancelled after Cancel, and after CancelJob of this job while it runs.
-  virtual absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame, int threads) = 0;
+  virtual absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame, int threads,
+                                                 const std::vector<int>& blocks) = 0;
 
   /// Adds the estimate of a round to the frame's record; blocks.
   /// Errors: as EstimateRound; otherwise as Finish.

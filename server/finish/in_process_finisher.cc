@@ -14,9 +14,10 @@ class InProcessFinisher final : public FrameFinisher {
   InProcessFinisher(const DataFolder& folder, ledger::JobStore* store, std::function<absl::Time()> now)
       : folder_(folder), store_(store), now_(std::move(now)) {}
 
-  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame, int threads) override {
+  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame, int threads,
+                                         const std::vector<int>& blocks) override {
     if (cancelled_) return absl::CancelledError("the coordinator is stopping");
-    return FinishFrame(folder_, *store_, job, frame, MakeTaskPool(threads).get(), now_);
+    return FinishFrame(folder_, *store_, job, frame, MakeTaskPool(threads).get(), now_, {}, blocks);
   }
 
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {

@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <cstring>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "filter/image/layers.h"
 #include "filter/methods.h"
@@ -99,9 +102,9 @@ class Finish {
 
   /// For a frame of several blocks: the other layers of the result are read again when the rows of the
   /// picture are filtered. Keeping them would need the memory of a row of blocks with all channels.
-  absl::Status InRows(const filter::BlockParams& blocks) {
+  absl::Status InRows(const filter::BlockParams& blocks, const filter::ReadyBlocks& ready) {
     const auto write = [this](const LayeredImage& rows) { return WriteRows(rows); };
-    return filter::FilterFilmInRows(&timed_, method_, {}, pool_, write, blocks);
+    return filter::FilterFilmInRows(&timed_, method_, {}, pool_, write, blocks, ready);
   }
 
  private:
@@ -132,6 +135,41 @@ class Finish {
   StageClock& clock_;
   int y_ = 0;  // first row that is not written
 };
+
+/// The picture that MakeBlock has made as `bytes`.
+absl::StatusOr<Picture> PictureOf(const std::string& bytes, const Rect& rect) {
+  const auto plane_bytes =
+      static_cast<size_t>(rect.width()) * static_cast<size_t>(rect.height()) * sizeof(float);
+  Picture picture;
+  if (bytes.size() != picture.size() * plane_bytes)
+    return absl::DataLossError("the picture of a block has not the size of the block");
+  const char* from = bytes.data();
+  for (Plane& plane : picture) {
+    plane = Plane::Uninitialized(rect.width(), rect.height());
+    for (int y = 0; y < rect.height(); ++y) {
+      const size_t row_bytes = static_cast<size_t>(rect.width()) * sizeof(float);
+      std::memcpy(plane.Row(y), from, row_bytes);
+      from += row_bytes;
+    }
+  }
+  return picture;
+}
+
+filter::ReadyBlocks ReadyBlocksOf(const CompleteFrame& frame, const filter::BlockParams& params) {
+  if (frame.ready_blocks == nullptr) return nullptr;
+  return [&frame, blocks = FrameBlocks(frame.spec, params)](
+             int column, int row) -> absl::StatusOr<std::optional<std::vector<Picture>>> {
+    const int number = blocks.NumberOf(column, row);
+    const absl::StatusOr<std::optional<std::string>> bytes = frame.ready_blocks(number);
+    if (!bytes.ok()) return bytes.status();
+    if (!bytes->has_value()) return std::nullopt;
+    absl::StatusOr<Picture> picture = PictureOf(**bytes, blocks.Output(number));
+    if (!picture.ok()) return picture.status();
+    std::vector<Picture> pictures;
+    pictures.push_back(*std::move(picture));
+    return pictures;
+  };
+}
 
 /// A frame with adaptive sampling whose error has been estimated.
 struct EstimatedFrame {
@@ -182,7 +220,7 @@ absl::StatusOr<v1::FrameReport> MakePicture(const CompleteFrame& frame, const Pi
   const bool is_one_block = filter::BlockGrid(film->width(), film->height(), blocks).IsOneBlock();
   const absl::Status written = estimated.has_value() ? finish.Filtered(std::move(estimated->last))
                                : is_one_block        ? finish.Whole()
-                                                     : finish.InRows(blocks);
+                                                     : finish.InRows(blocks, ReadyBlocksOf(frame, blocks));
   if (!written.ok()) return written;
   if (absl::Status status = file.may_commit(); !status.ok()) return status;
   if (absl::Status status = result->Finish(); !status.ok()) return status;
@@ -193,6 +231,36 @@ absl::StatusOr<v1::FrameReport> MakePicture(const CompleteFrame& frame, const Pi
   return report;
 }
 
+FrameBlocks::FrameBlocks(const v1::JobSpec& spec, const filter::BlockParams& params)
+    : grid_(spec.width(), spec.height(), params) {}
+
+uint64_t FrameBlocks::PictureBytes(int number) const {
+  const Rect rect = Output(number);
+  return 3 * sizeof(float) * static_cast<uint64_t>(rect.width()) * static_cast<uint64_t>(rect.height());
+}
+
+absl::StatusOr<std::string> MakeBlock(const CompleteFrame& frame, int block, const film::LevelSet& levels,
+                                      TaskPool* pool, const filter::BlockParams& params) {
+  static_assert(std::endian::native == std::endian::little);
+  const FrameBlocks blocks(frame.spec, params);
+  const Rect input = blocks.Input(block);
+  film::UnitFilm film = film::UnitFilm::OpenPart(frame.spec, frame.frame, &frame.units, pool, levels);
+  const absl::StatusOr<EdgedImage> part = film.Read(input);
+  if (!part.ok()) return part.status();
+  const absl::StatusOr<Picture> filtered =
+      filter::FilterFilm(part->pixels, frame.spec.filter().method(), pool, &part->edges, &part->fragments);
+  if (!filtered.ok()) return filtered.status();
+  const Rect output = SeenFrom(input.x0, input.y0, blocks.Output(block));
+  std::string bytes;
+  bytes.reserve(blocks.PictureBytes(block));
+  for (const Plane& plane : *filtered) {
+    for (int y = output.y0; y < output.y1; ++y)
+      bytes.append(reinterpret_cast<const char*>(plane.Row(y) + output.x0),
+                   static_cast<size_t>(output.width()) * sizeof(float));
+  }
+  return bytes;
+}
+
 uint64_t PictureMemoryOf(const v1::JobSpec& spec) {
   const int64_t frame = int64_t{spec.width()} * spec.height();
   // With adaptive sampling all of the frame at once, before a round and after it.
@@ -201,9 +269,5 @@ uint64_t PictureMemoryOf(const v1::JobSpec& spec) {
 }
 
 uint64_t MemoryForPictures() { return sandbox::UsableMemoryBytes() / 2; }
-
-bool IsOneBlock(const v1::JobSpec& spec) {
-  return filter::BlockGrid(spec.width(), spec.height(), filter::BlockParams()).IsOneBlock();
-}
 
 }  // namespace lumifold::server

@@ -115,4 +115,8 @@ std::string DataFolder::ResultPath(const job::JobId& job, int32_t frame) const {
   return absl::StrFormat("%s/%s%04d%s", ResultsPath(job), kFramePrefix, frame, kResultSuffix);
 }
 
+std::string DataFolder::BlockPath(const job::JobId& job, int32_t frame, int block) const {
+  return absl::StrCat(ResultPath(job, frame), ".block-", block, kPartialSuffix);
+}
+
 }  // namespace lumifold::server

@@ -79,6 +79,9 @@ class DataFolder {
   std::string UnitLogName(const job::JobId& job, int32_t frame) const;
   std::string PathOf(const std::string& name) const { return root_ + "/" + name; }
   std::string ResultPath(const job::JobId& job, int32_t frame) const;
+  /// A block of the picture that a worker has filtered, until the result is made of it; the next start
+  /// removes it.
+  std::string BlockPath(const job::JobId& job, int32_t frame, int block) const;
   /// Record of the rounds of a frame with adaptive sampling.
   std::string RoundsPath(const job::JobId& job, int32_t frame) const;
 

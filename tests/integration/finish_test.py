@@ -97,5 +97,39 @@ class FinishTest(unittest.TestCase):
             self.assertEqual(worker.stop(), 0)
 
 
+class BlocksTest(unittest.TestCase):
+    """A still of several blocks, which workers filter side by side."""
+
+    WIDE = ["--size", "4200x48", "--spp", "4"]  # four blocks: a side is longer than one may be
+
+    def render(self, worker_options, server_options=(), meanwhile=lambda farm, workers: None):
+        """The file of the frame, and the farm's logs."""
+        with tempfile.TemporaryDirectory() as root, tempfile.TemporaryDirectory() as data, \
+                Farm(data, *server_options) as farm:
+            scene = make_scene("cornell-box", root)
+            workers = [farm.start_worker(*options, threads=1) for options in worker_options]
+            job = farm.client("submit", scene, *self.WIDE).stdout.strip()
+            meanwhile(farm, workers)
+            farm.client("wait", job)
+            folder = pathlib.Path(data) / "results" / job
+            self.assertEqual(list(folder.glob("*.partial")), [])
+            file, = folder.glob("frame-*.exr")
+            return file.read_bytes(), farm.server.log_text()
+
+    def test_workers_filter_blocks_and_the_file_is_the_same(self):
+        expected, log = self.render([("--finish", "never")])
+        self.assertNotIn("event=block_leased", log)
+        found, log = self.render([("--finish", "never"), ("--finish", "only"), ("--finish", "only")])
+        self.assertEqual(log.count("event=block_leased"), 4)
+        self.assertEqual(found, expected)
+
+        def kill_one(farm, workers):
+            wait_until(lambda: "event=block_leased" in farm.server.log_text(), "a block for a worker")
+            workers[1].kill()
+
+        found, log = self.render([("--finish", "never"), ("--finish", "only")], meanwhile=kill_one)
+        self.assertEqual(found, expected)
+
+
 if __name__ == "__main__":
     unittest.main()

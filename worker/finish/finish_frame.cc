@@ -1,5 +1,7 @@
 #include "worker/finish/finish_frame.h"
 
+#include <fcntl.h>
+
 #include <algorithm>
 #include <cstdint>
 #include <new>
@@ -28,11 +30,12 @@ absl::Status CheckWanted(const UnitControl& control) {
 
 /// The records of the frame's units, as the coordinator sends them.
 absl::StatusOr<film::UnitRecords> Fetch(const v1::Lease& lease, FrameLink* link, UnitControl* control,
-                                        MemoryFiles* files) {
+                                        MemoryFiles* files, film::LevelSet* levels) {
   absl::StatusOr<rpc::ByteReceiver> receiver = rpc::ByteReceiver::Open(kUnits, 0, files);
   if (!receiver.ok()) return receiver.status();
   const absl::Status fetched = link->FetchUnits(lease, [&](const v1::ByteChunk& chunk) {
     ++control->progress;
+    if (chunk.offset() == 0) *levels = film::LevelSet(chunk.film_levels());
     if (absl::Status status = CheckWanted(*control); !status.ok()) return status;
     return receiver->Add(chunk);
   });
@@ -55,15 +58,38 @@ absl::StatusOr<std::string> Sha256Of(const rpc::FileHandle& file) {
   }
 }
 
+/// The picture of a block, as the file kResult.
+absl::StatusOr<v1::FrameReport> FilterBlock(const server::CompleteFrame& frame, int block,
+                                            const film::LevelSet& levels, MemoryFiles* files) {
+  const absl::Time start = rpc::MonotonicNow();
+  if (block < 0 || block >= server::FrameBlocks(frame.spec).count())
+    return absl::InvalidArgumentError("the frame has no such block");
+  const absl::StatusOr<std::string> picture = server::MakeBlock(frame, block, levels, /*pool=*/nullptr);
+  if (!picture.ok()) return picture.status();
+  const rpc::FileHandle file(files->Open(kResult, O_RDWR | O_CREAT));
+  if (file.get() < 0) return FileError(kResult, file.get());
+  const std::string_view bytes = *picture;
+  if (const int error = files->Write(file.get(), 0, {bytes}); error != 0) return FileError(kResult, error);
+  v1::FrameReport report;
+  report.mutable_times()->set_filter_seconds(absl::ToDoubleSeconds(rpc::MonotonicNow() - start));
+  return report;
+}
+
 absl::Status Finish(const v1::JobSpec& spec, const std::string& numeric_class, const v1::Lease& lease,
                     FrameLink* link, UnitControl* control) {
   MemoryFiles files;
-  const absl::StatusOr<film::UnitRecords> units = Fetch(lease, link, control, &files);
+  film::LevelSet levels;
+  const absl::StatusOr<film::UnitRecords> units = Fetch(lease, link, control, &files, &levels);
   if (!units.ok()) return units.status();
-  const absl::StatusOr<v1::FrameReport> report = server::MakePicture(
-      {.spec = spec, .frame = lease.unit().frame(), .numeric_class = numeric_class, .units = *units},
-      {.path = kResult, .files = &files, .may_commit = [&] { return CheckWanted(*control); }},
-      /*pool=*/nullptr, rpc::MonotonicNow);
+  const server::CompleteFrame frame = {
+      .spec = spec, .frame = lease.unit().frame(), .numeric_class = numeric_class, .units = *units};
+  const absl::StatusOr<v1::FrameReport> report =
+      lease.unit().kind() == v1::UNIT_KIND_BLOCK
+          ? FilterBlock(frame, lease.unit().tile(), levels, &files)
+          : server::MakePicture(
+                frame,
+                {.path = kResult, .files = &files, .may_commit = [&] { return CheckWanted(*control); }},
+                /*pool=*/nullptr, rpc::MonotonicNow);
   if (!report.ok()) return report.status();
   ++control->progress;
   rpc::FileHandle result = files.Take(kResult);

@@ -34,19 +34,20 @@ class ChildProcessFinisherTest : public CommittedFrameFixture {
 };
 
 TEST_F(ChildProcessFinisherTest, WritesTheSameFileAsTheFinisherWithin) {
-  ASSERT_TRUE(
-      MakeInProcessFinisher(folder_, store_.get(), [] { return absl::Now(); })->Finish(kOwned, 0, 2).ok());
+  ASSERT_TRUE(MakeInProcessFinisher(folder_, store_.get(), [] { return absl::Now(); })
+                  ->Finish(kOwned, 0, 2, {})
+                  .ok());
   const std::string expected = Result(kJob);
   ASSERT_FALSE(expected.empty());
   ASSERT_TRUE(RemoveAll(folder_.ResultsPath(kJob)).ok());
-  const absl::StatusOr<v1::FrameReport> report = Child()->Finish(kOwned, 0, 1);
+  const absl::StatusOr<v1::FrameReport> report = Child()->Finish(kOwned, 0, 1, {});
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_GT(report->times().filter_seconds(), 0.0);
   EXPECT_EQ(Result(kJob), expected);
 }
 
 TEST_F(ChildProcessFinisherTest, TellsWhatTheChildTells) {
-  const absl::Status status = Child()->Finish({JobId("j-none"), {}}, 0, 1).status();
+  const absl::Status status = Child()->Finish({JobId("j-none"), {}}, 0, 1, {}).status();
   EXPECT_EQ(status, absl::NotFoundError("no job j-none"));
 }
 
@@ -56,7 +57,7 @@ TEST_F(ChildProcessFinisherTest, ADamagedRecordIsNamed) {
   const int byte = file.seekg(5000).peek();
   file.seekp(5000).put(static_cast<char>(byte ^ 1));
   file.close();
-  const absl::Status status = Child()->Finish(kOwned, 0, 1).status();
+  const absl::Status status = Child()->Finish(kOwned, 0, 1, {}).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
   EXPECT_THAT(std::string(status.message()), HasSubstr(path));
   EXPECT_EQ(Result(kJob), "");
@@ -66,12 +67,12 @@ TEST_F(ChildProcessFinisherTest, AChildWithoutMemoryIsAnErrorAndNoCrash) {
 #if defined(__SANITIZE_ADDRESS__)
   GTEST_SKIP() << "the address sanitizer needs more address space than any limit";
 #else
-  EXPECT_FALSE(Child({.memory_limit_bytes = 1 << 20})->Finish(kOwned, 0, 1).ok());
+  EXPECT_FALSE(Child({.memory_limit_bytes = 1 << 20})->Finish(kOwned, 0, 1, {}).ok());
 #endif
 }
 
 TEST_F(ChildProcessFinisherTest, AChildWithoutProgramIsAnErrorAndNoCrash) {
-  EXPECT_THAT(std::string(Child({.program = "/none/such"})->Finish(kOwned, 0, 1).status().message()),
+  EXPECT_THAT(std::string(Child({.program = "/none/such"})->Finish(kOwned, 0, 1, {}).status().message()),
               HasSubstr("/none/such"));
 }
 
@@ -93,9 +94,9 @@ TEST_F(ChildProcessFinisherTest, AChildIsToldWhatItIsToDo) {
                                  .rendered = absl::Milliseconds(1500),
                                  .samples = 64};
   const std::string common = "arguments finish-frame " + folder_.root() + " 3 1048576 j-1 4 ";
-  EXPECT_EQ(finisher->Estimate(round, 3).status().message(), common + "2 1500 64 7 urgent, store s");
-  EXPECT_EQ(finisher->Finish({kJob, ledger::Epoch(7)}, 4, 3).status().message(),
-            common + "-1 0 0 7 , store s");
+  EXPECT_EQ(finisher->Estimate(round, 3).status().message(), common + "2 1500 64 7  urgent, store s");
+  EXPECT_EQ(finisher->Finish({kJob, ledger::Epoch(7)}, 4, 3, {5, 0}).status().message(),
+            common + "-1 0 0 7 5,0 , store s");
 }
 
 TEST_F(ChildProcessFinisherTest, AnEstimateGoesByTheTimeThatTheJobHasTaken) {
@@ -120,8 +121,9 @@ TEST_F(ChildProcessFinisherTest, AnEstimateGoesByTheTimeThatTheJobHasTaken) {
 }
 
 TEST_F(ChildProcessFinisherTest, TheNameOfTheStoreIsInTheEnvironmentOfTheChildAndNotInItsArguments) {
-  const absl::Status status =
-      Child({.program = Echo(temp_), .store = "postgresql://u:secret@h/db"})->Finish(kOwned, 0, 1).status();
+  const absl::Status status = Child({.program = Echo(temp_), .store = "postgresql://u:secret@h/db"})
+                                  ->Finish(kOwned, 0, 1, {})
+                                  .status();
   const std::string message(status.message());
   EXPECT_THAT(message, HasSubstr(", store postgresql://u:secret@h/db"));
   EXPECT_EQ(message.substr(0, message.find(", store")).find("secret"), std::string::npos);
@@ -150,8 +152,9 @@ TEST_F(ChildProcessFinisherTest, AnEstimateThatWorkersWaitForDoesNotYield) {
 
 TEST_F(ChildProcessFinisherTest, TheFinisherWithinKeepsThePriorityOfItsProcess) {
   const int before = getpriority(PRIO_PROCESS, 0);
-  ASSERT_TRUE(
-      MakeInProcessFinisher(folder_, store_.get(), [] { return absl::Now(); })->Finish(kOwned, 0, 2).ok());
+  ASSERT_TRUE(MakeInProcessFinisher(folder_, store_.get(), [] { return absl::Now(); })
+                  ->Finish(kOwned, 0, 2, {})
+                  .ok());
   EXPECT_EQ(getpriority(PRIO_PROCESS, 0), before);
 }
 
@@ -166,7 +169,7 @@ std::string Sleeper(const TempFolder& folder) {
 TEST_F(ChildProcessFinisherTest, AChildThatRunsTooLongIsKilled) {
   const absl::Time start = absl::Now();
   const absl::Status status = Child({.program = Sleeper(temp_), .time_limit = absl::Milliseconds(100)})
-                                  ->Finish(kOwned, 0, 1)
+                                  ->Finish(kOwned, 0, 1, {})
                                   .status();
   EXPECT_EQ(status.code(), absl::StatusCode::kDeadlineExceeded);
   EXPECT_THAT(std::string(status.message()), HasSubstr("frame 0 ran longer than 100ms"));
@@ -184,18 +187,18 @@ TEST_F(ChildProcessFinisherTest, TheEndOfItsJobKillsAChildAndOfNoOther) {
       absl::SleepFor(absl::Milliseconds(10));
     }
   });
-  EXPECT_EQ(finisher->Finish(kOwned, 0, 1).status(), absl::CancelledError("the job has ended"));
+  EXPECT_EQ(finisher->Finish(kOwned, 0, 1, {}).status(), absl::CancelledError("the job has ended"));
   has_ended = true;
   canceller.join();
   finisher->CancelJob(kJob);  // no effect on later calls
-  EXPECT_TRUE(Child()->Finish(kOwned, 0, 1).ok());
+  EXPECT_TRUE(Child()->Finish(kOwned, 0, 1, {}).ok());
 }
 
 TEST_F(ChildProcessFinisherTest, AKilledChildIsWorthRetrying) {
   const std::string path = temp_.PathOf("suicide");
   std::ofstream(path) << "#!/bin/sh\nkill -9 $$\n";
   std::filesystem::permissions(path, std::filesystem::perms::owner_all);
-  const absl::Status status = Child({.program = path})->Finish(kOwned, 0, 1).status();
+  const absl::Status status = Child({.program = path})->Finish(kOwned, 0, 1, {}).status();
   EXPECT_THAT(std::string(status.message()), HasSubstr("ended by signal 9"));
   EXPECT_TRUE(IsWorthRetrying(status));
 }
@@ -203,7 +206,7 @@ TEST_F(ChildProcessFinisherTest, AKilledChildIsWorthRetrying) {
 TEST_F(ChildProcessFinisherTest, AfterCancelNothingStarts) {
   const std::unique_ptr<FrameFinisher> finisher = Child();
   finisher->Cancel();
-  EXPECT_EQ(finisher->Finish(kOwned, 0, 1).status().code(), absl::StatusCode::kCancelled);
+  EXPECT_EQ(finisher->Finish(kOwned, 0, 1, {}).status().code(), absl::StatusCode::kCancelled);
   EXPECT_EQ(Result(kJob), "");
 }
 

@@ -294,7 +294,7 @@ TEST_F(FarmTest, SaysWhichFramesOfAJobAreInTheFilterAndHowManyWaitForIt) {
                   "filter_queue: frame 2 waits for the filter, which has 0 frames of this and other jobs; 3 "
                   "wait"));
   ASSERT_EQ(farm_.frames.Begin(now_)->due.job, JobId("j-9"));
-  farm_.frames.End({JobId("j-9"), 8}, now_);
+  farm_.frames.End({{JobId("j-9"), 8}}, now_);
   ASSERT_EQ(farm_.frames.Begin(now_)->due.number, 2);
   now_ += absl::Seconds(2);
   EXPECT_THAT(
@@ -377,7 +377,7 @@ class FarmFinishTest : public FarmTest {
   /// The lease to finish a frame that the worker got last.
   const v1::Lease& Last() { return sinks_["worker"].leases.back(); }
   bool Holds(const JobId& job) {
-    return farm_.finish_leases.Find(worker_, {job, 0}, job::Attempt(Last().attempt())) != nullptr;
+    return farm_.finish_leases.Find(worker_, {{job, 0}}, job::Attempt(Last().attempt())) != nullptr;
   }
 
   job::WorkerId worker_;
@@ -409,7 +409,7 @@ TEST_F(FarmFinishTest, WhatAWorkerDoesNotFinishComesBack) {
   farm_.BeginFrame(now_);
   farm_.BeginFrame(now_);
   now_ += absl::Seconds(30);
-  farm_.frames.End({first_, 0}, now_);
+  farm_.frames.End({{first_, 0}}, now_);
   const std::optional<RunningFrame> again = farm_.BeginFrame(now_);
   ASSERT_TRUE(again.has_value());
   EXPECT_EQ(again->due.job, second_);

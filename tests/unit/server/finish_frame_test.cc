@@ -2,10 +2,16 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
+
 #include "filter/image/exr_io.h"
 #include "filter/image/file_io.h"
 #include "filter/methods.h"
+#include "server/commit/committed_units.h"
 #include "server/film/result.h"
+#include "server/film/unit_film.h"
+#include "server/picture/make_picture.h"
 #include "tests/support/film_of_units.h"
 #include "tests/support/same_image.h"
 #include "tests/unit/server/committed_frame_fixture.h"
@@ -84,6 +90,41 @@ TEST_F(FinishFrameTest, AFrameOfSeveralBlocksIsTheWholeFilmFilteredInBlocks) {
     ExpectSameImage(result->fragments, expected.fragments);
     EXPECT_EQ(result->pixels.metadata(), expected.pixels.metadata());
   }
+}
+
+TEST_F(FinishFrameTest, BlocksThatWereMadeBeforeAreUsedAndTheFileIsTheSame) {
+  v1::JobSpec spec = Spec(120, 80);
+  spec.set_save_film(true);
+  for (const JobId& job : {kJob, JobId("j-2")}) Commit(job, spec);
+  Finish(kJob, nullptr, kSmallBlocks);
+  const JobId other("j-2");
+  const ledger::JobRecord record = *store_->GetJob(other);
+  const FrameBlocks blocks(spec, kSmallBlocks);
+  ASSERT_EQ(blocks.count(), 4);
+  ASSERT_TRUE(MakeFolder(folder_.ResultsPath(other), folder_.files()).ok());
+  for (const int block : {0, 2, 3}) {
+    CommittedUnits units = *CommittedUnits::Open(folder_, *store_, record, 0);
+    const film::LevelSet levels = film::UnitFilm::Open(spec, 0, &units, nullptr)->levels();
+    units.KeepTiles(job::FrameUnits(spec).tiles().TilesIn(blocks.Input(block)));
+    EXPECT_EQ(units.count() == units.places(), false);
+    const absl::StatusOr<std::string> picture =
+        MakeBlock({.spec = spec, .numeric_class = "", .units = units}, block, levels, nullptr, kSmallBlocks);
+    ASSERT_TRUE(picture.ok()) << picture.status();
+    EXPECT_EQ(picture->size(), blocks.PictureBytes(block));
+    std::ofstream(folder_.BlockPath(other, 0, block), std::ios::binary) << *picture;
+  }
+  // Of block 2 a damaged file is left, of block 3 nothing.
+  std::ofstream(folder_.BlockPath(other, 0, 2), std::ios::binary) << "short";
+  EXPECT_EQ(
+      FinishFrame(folder_, *store_, {other, {}}, 0, nullptr, [] { return absl::Now(); }, kSmallBlocks, {2})
+          .status()
+          .code(),
+      absl::StatusCode::kDataLoss);
+  std::filesystem::remove(folder_.BlockPath(other, 0, 3));
+  ASSERT_TRUE(
+      FinishFrame(folder_, *store_, {other, {}}, 0, nullptr, [] { return absl::Now(); }, kSmallBlocks, {0, 3})
+          .ok());
+  EXPECT_EQ(Result(kJob), Result(other));
 }
 
 TEST_F(FinishFrameTest, TheFileKnowsNothingOfThreadsOrTheOrderOfUnits) {

@@ -49,7 +49,7 @@ class FrameQueueTest : public testing::Test {
   /// Ends the frame of a job that has been running longest.
   void EndOne(const std::string& id, absl::Time now) {
     for (const RunningFrame& frame : queue_->running()) {
-      if (frame.due.job.value() == id) return queue_->End(FrameKey(frame.due.key()), now);
+      if (frame.due.job.value() == id) return queue_->End(FramePart(frame.part()), now);
     }
     FAIL() << "no frame of " << id << " is running";
   }
@@ -70,7 +70,7 @@ TEST_F(FrameQueueTest, FramesOfAJobGoInTheirOrderEachOnce) {
   EXPECT_EQ(queue_->Begin(kQueueStart)->due.number, 2);
   EXPECT_EQ(queue_->Begin(kQueueStart)->due.number, 1);
   EXPECT_FALSE(queue_->Begin(kQueueStart).has_value()) << "frame 2 is running";
-  queue_->End({JobId("j-1"), 2}, kQueueStart);
+  queue_->End({{JobId("j-1"), 2}}, kQueueStart);
   EXPECT_TRUE(queue_->TakeNews());
   EXPECT_EQ(queue_->Begin(kQueueStart)->due.round, 0);
 }
@@ -81,7 +81,7 @@ TEST_F(FrameQueueTest, PausesGrowWithFailuresUntilTheThird) {
   DueFrame frame = Frame("j-1", 1);
   const auto begin = [&](absl::Time now) {
     frame = queue_->Begin(now)->due;
-    queue_->End(frame.key(), now);
+    queue_->End({frame.key()}, now);
   };
   ASSERT_TRUE(queue_->Retry(&frame, kQueueStart));
   EXPECT_EQ(queue_->NextDue(kQueueStart), kQueueStart + kFirstPause);
@@ -102,7 +102,7 @@ TEST_F(FrameQueueTest, WaitsForTheStorageAsOftenAsItMust) {
     queue_->AwaitStorage(&frame, kQueueStart);
     const absl::Duration pause = queue_->NextDue(kQueueStart) - kQueueStart;
     frame = queue_->Begin(absl::InfiniteFuture())->due;
-    queue_->End(frame.key(), kQueueStart);
+    queue_->End({frame.key()}, kQueueStart);
     return pause;
   };
   std::vector<absl::Duration> pauses;
@@ -128,9 +128,9 @@ TEST_F(FrameQueueTest, KnowsOfEachRunningFrameWhetherItIsStale) {
   queue_->MarkStale(first);
   EXPECT_TRUE(queue_->IsStale(first));
   EXPECT_FALSE(queue_->IsStale(second));
-  queue_->End(second, kQueueStart);
+  queue_->End({second}, kQueueStart);
   EXPECT_TRUE(queue_->IsFinishing(JobId("j-1")));
-  queue_->End(first, kQueueStart);
+  queue_->End({first}, kQueueStart);
   EXPECT_FALSE(queue_->IsFinishing(JobId("j-1")));
   Push("j-1", 1, 1);
   BeginAll();
@@ -228,15 +228,112 @@ TEST_F(FrameQueueTest, FramesWithoutAPlaceHereGoToWorkersAndComeBackForThisCoord
   EXPECT_TRUE(queue_->IsFinishing(JobId("j-2")));
   EndOne("j-1", kQueueStart);
   EXPECT_THAT(BeginAll(), ElementsAre(Pair("j-1", 1))) << "what workers have takes no place here";
-  queue_->ComeBack({JobId("j-2"), 2}, kQueueStart);
+  queue_->ComeBack({{JobId("j-2"), 2}}, kQueueStart);
   EXPECT_FALSE(queue_->IsFinishing(JobId("j-2")));
   EXPECT_EQ(away()->due.number, 3);
   EXPECT_FALSE(away().has_value()) << "a worker had frame 2 already";
   EndOne("j-1", kQueueStart);
   EXPECT_EQ(queue_->Begin(kQueueStart)->due.number, 2);
   queue_->MarkStale({JobId("j-2"), 3});
-  queue_->ComeBack({JobId("j-2"), 3}, kQueueStart);
+  queue_->ComeBack({{JobId("j-2"), 3}}, kQueueStart);
   EXPECT_TRUE(queue_->waiting().empty()) << "it is rendered again first";
+}
+
+class BlocksTest : public FrameQueueTest {
+ protected:
+  BlocksTest() {
+    Make({});
+    AddJob("j-1", "ann");
+    DueFrame frame = Frame("j-1", 1);
+    frame.block_count = 3;
+    queue_->Push(frame);
+  }
+  void Offer(bool has_workers) {
+    queue_->OfferBlocks([=](const DueFrame&) { return has_workers; });
+  }
+  /// The block that a worker gets; -1: none.
+  int Away() {
+    const auto begun = queue_->BeginAway(kQueueStart, [](const DueFrame&) { return job::WorkerId(7); });
+    return begun.has_value() ? begun->block : -1;
+  }
+  static FramePart Block(int number) { return {kFrame, number}; }
+
+  static inline const FrameKey kFrame{JobId("j-1"), 1};
+};
+
+TEST_F(BlocksTest, GoToWorkersSideBySideAndTheFrameWaitsForThem) {
+  Offer(true);
+  EXPECT_EQ(Away(), 0);
+  EXPECT_EQ(Away(), 1);
+  EXPECT_EQ(Away(), 2);
+  EXPECT_EQ(Away(), -1);
+  EXPECT_EQ(queue_->CountRunning(JobId("j-1")), 1);
+  EXPECT_EQ(queue_->CountWaiting(JobId("j-1")), 0);
+  for (const int block : {1, 0}) {
+    queue_->End(Block(block), kQueueStart);
+    Offer(true);
+    EXPECT_FALSE(queue_->Begin(kQueueStart).has_value());
+  }
+  queue_->End(Block(2), kQueueStart);
+  Offer(true);
+  EXPECT_EQ(Away(), -1);
+  const std::optional<RunningFrame> whole = queue_->Begin(kQueueStart);
+  ASSERT_TRUE(whole.has_value());
+  EXPECT_EQ(whole->block, FramePart::kWhole);
+  EXPECT_THAT(whole->due.blocks.done, ElementsAre(1, 0, 2));
+  EXPECT_TRUE(queue_->waiting().empty());
+}
+
+TEST_F(BlocksTest, WithoutWorkersTheFrameIsFinishedHere) {
+  Offer(false);
+  EXPECT_EQ(Away(), -1);
+  EXPECT_THAT(BeginAll(), ElementsAre(Pair("j-1", 1)));
+}
+
+TEST_F(BlocksTest, WhatAWorkerDoesNotDeliverGoesToAnother) {
+  Offer(true);
+  ASSERT_EQ(Away(), 0);
+  queue_->ComeBack(Block(0), kQueueStart);
+  EXPECT_EQ(Away(), 0);
+  EXPECT_EQ(Away(), 1);
+}
+
+TEST_F(BlocksTest, WhenTheWorkersAreGoneTheRestIsMadeHere) {
+  Offer(true);
+  ASSERT_EQ(Away(), 0);
+  ASSERT_EQ(Away(), 1);
+  queue_->End(Block(0), kQueueStart);
+  queue_->ComeBack(Block(1), kQueueStart);
+  Offer(false);
+  const std::optional<RunningFrame> whole = queue_->Begin(kQueueStart);
+  ASSERT_TRUE(whole.has_value());
+  EXPECT_THAT(whole->due.blocks.done, ElementsAre(0));
+}
+
+TEST_F(BlocksTest, WorkersThatFailAgainAndAgainGetNoMore) {
+  Offer(true);
+  for (int i = 0; i < 4; ++i) {
+    ASSERT_EQ(Away(), 0);
+    queue_->ComeBack(Block(0), kQueueStart);
+    Offer(true);
+  }
+  EXPECT_EQ(Away(), -1);
+  EXPECT_THAT(BeginAll(), ElementsAre(Pair("j-1", 1)));
+}
+
+TEST_F(BlocksTest, OfUnitsThatWereTakenBackAreOfNoUse) {
+  Offer(true);
+  ASSERT_EQ(Away(), 0);
+  queue_->MarkStale(kFrame);
+  EXPECT_EQ(Away(), -1);
+  DueFrame again = Frame("j-1", 1);
+  again.block_count = 3;
+  queue_->Push(again);
+  Offer(true);
+  ASSERT_EQ(Away(), 0);
+  queue_->End(Block(0), kQueueStart);  // the one of the time before
+  ASSERT_EQ(queue_->running().size(), 1u);
+  EXPECT_TRUE(queue_->waiting().front().blocks.done.empty());
 }
 
 /// Time that each job has had once the filter has worked for a while on one place.
@@ -251,7 +348,7 @@ std::map<std::string, double> Shares(FrameQueue* queue, const std::map<std::stri
     const std::string id = frame->due.job.value();
     now += lengths.at(id);
     had[id] += absl::FDivDuration(lengths.at(id), total);
-    queue->End(frame->due.key(), now);
+    queue->End({frame->due.key()}, now);
   }
   return had;
 }

@@ -9,7 +9,9 @@
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/sha256.h"
 #include "server/commit/unit_sender.h"
+#include "server/film/unit_film.h"
 #include "server/finish/finish_frame.h"
+#include "server/picture/make_picture.h"
 #include "tests/unit/server/committed_frame_fixture.h"
 #include "worker/finish/finish_frame.h"
 
@@ -26,7 +28,7 @@ class LocalLink final : public worker::FrameLink {
 
   absl::Status FetchUnits(const v1::Lease& /*lease*/,
                           absl::FunctionRef<absl::Status(const v1::ByteChunk&)> take) override {
-    UnitSender sender(open_());
+    UnitSender sender(open_(), film_levels);
     v1::ByteChunk chunk;
     while (true) {
       const absl::StatusOr<bool> has_next = sender.Next(&chunk);
@@ -50,6 +52,7 @@ class LocalLink final : public worker::FrameLink {
   }
 
   std::function<void(v1::ByteChunk*)> damage;
+  uint64_t film_levels = 0;
   std::string delivered;
   std::string sha256;
   double filter_seconds = 0;
@@ -83,6 +86,34 @@ TEST_F(WorkerFinishTest, DeliversTheBytesThatTheCoordinatorWouldWrite) {
   EXPECT_EQ(link_.sha256, rpc::Sha256Hex(link_.delivered));
   EXPECT_GT(link_.filter_seconds, 0);
   EXPECT_GE(control_.progress, 3);
+}
+
+TEST_F(WorkerFinishTest, DeliversABlockOfALargeFrame) {
+  const JobId job("j-wide");
+  Commit(job, Spec(4104, 8));  // longer than a block may be
+  const ledger::JobRecord record = *store_->GetJob(job);
+  const CommittedUnits units = *CommittedUnits::Open(folder_, *store_, record, 0);
+  const film::LevelSet levels = film::UnitFilm::Open(record.spec, 0, &units, nullptr)->levels();
+  const FrameBlocks blocks(record.spec);
+  ASSERT_EQ(blocks.count(), 4);
+  LocalLink link([&] {
+    CommittedUnits kept = *CommittedUnits::Open(folder_, *store_, record, 0);
+    kept.KeepTiles(job::FrameUnits(record.spec).tiles().TilesIn(blocks.Input(3)));
+    return kept;
+  });
+  link.film_levels = levels.to_ullong();
+  v1::Lease lease;
+  lease.mutable_unit()->set_job_id(job.value());
+  lease.mutable_unit()->set_kind(v1::UNIT_KIND_BLOCK);
+  lease.mutable_unit()->set_tile(3);
+  const absl::Status finished =
+      worker::FinishFrame(record.spec, record.numeric_class, lease, &link, &control_);
+  ASSERT_TRUE(finished.ok()) << finished;
+  EXPECT_EQ(link.delivered,
+            *MakeBlock({.spec = record.spec, .numeric_class = "", .units = units}, 3, levels, nullptr));
+  lease.mutable_unit()->set_tile(4);
+  EXPECT_EQ(worker::FinishFrame(record.spec, record.numeric_class, lease, &link, &control_).code(),
+            absl::StatusCode::kInvalidArgument);
 }
 
 TEST_F(WorkerFinishTest, UnitsThatAreDamagedOnTheirWayAreNotUsed) {

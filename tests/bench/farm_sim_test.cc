@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/bench/farm_sim.h"
+#include "tests/bench/finish_sim.h"
 
 namespace lumifold::sim {
 namespace {
@@ -47,6 +48,18 @@ TEST(FarmSim, AuditsFindTheFaultyWorkersAndTheirUnitsAreRenderedAgain) {
   ASSERT_TRUE(result.finished);
   EXPECT_EQ(result.faulty_found, 5);
   EXPECT_GT(result.units_redone, 0);
+}
+
+TEST(FinishSim, WorkersThatFinishGrowTheFarmPastItsCoordinator) {
+  for (const int workers : {1, 2, 4, 8, 16}) {
+    const FinishResult result = SimulateFinishing({.workers = workers});
+    EXPECT_GE(result.share, 0.95) << workers;
+  }
+  const FinishResult alone = SimulateFinishing({.workers = 16, .workers_finish = false, .processes = 1});
+  EXPECT_LE(alone.share, 0.15);
+  const FinishResult many = SimulateFinishing({.workers = 64, .render_seconds = 41.6});
+  EXPECT_GE(many.share, 0.95);
+  EXPECT_GT(many.finished_by_workers, 0.9);
 }
 
 }  // namespace

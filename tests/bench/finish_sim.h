@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+
+namespace lumifold::sim {
+
+/// A farm that renders one animation and finishes its frames. Times are seconds of a core.
+struct FinishSettings {
+  int workers = 1;
+  int worker_threads = 2;
+  int coordinator_cores = 2;
+  /// For each frame: rendering its units and finishing it, on any machine.
+  double render_seconds = 8.5;
+  double finish_seconds = 8.2;
+  /// For each frame, of the coordinator: receiving, checking and storing its units; and sending them again
+  /// and receiving the file where a worker finishes it.
+  double receive_seconds = .55;
+  double send_seconds = .16;
+  int units = 24;  // of a frame
+  bool workers_finish = true;
+  /// Frames that the coordinator finishes at a time; 0: as many as it has cores.
+  int processes = 0;
+};
+
+struct FinishResult {
+  double frames_per_hour = 0;
+  /// Of what the workers' cores alone would render and finish.
+  double share = 0;
+  double finished_by_workers = 0;  // share of the frames
+  double coordinator_busy = 0;     // share of its cores, for messages
+};
+
+/// Plays it in virtual time with the coordinator's own queue and leases (FrameQueue, FinishLeases). Workers
+/// hold two units for each thread, which count until they are received; frames take the turns of units. The
+/// coordinator's filter gets what messages leave of its cores. Beginning and end do not count.
+FinishResult SimulateFinishing(const FinishSettings& settings);
+
+}  // namespace lumifold::sim

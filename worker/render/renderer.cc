@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "render_sources.h"
 #include "worker/render/fragments.h"
 #include "worker/render/geometry_unit.h"
 #include "worker/render/pass_sums.h"
@@ -48,7 +49,7 @@ absl::StatusOr<PictureCamera> MakeCamera(const scene::Scene& scene, const Render
 
 std::string NumericClass() {
   return absl::StrCat("lumifold-", LUMIFOLD_VERSION, "/", EmbreeName(), "-", TracingInstructionSet(), "-",
-                      absl::Hex(ApproximationsOfProcessor(), absl::kZeroPad4));
+                      kRenderSources, "-", absl::Hex(ApproximationsOfProcessor(), absl::kZeroPad4));
 }
 
 absl::StatusOr<std::unique_ptr<Renderer>> Renderer::Create(std::shared_ptr<const scene::Scene> scene,

@@ -1,0 +1,12 @@
+# Writes a header with a hash of source files: cmake -DOUT=FILE -DSOURCES=A|B|... -P hash_sources.cmake
+string(REPLACE "|" ";" sources "${SOURCES}")
+list(SORT sources)
+set(all "")
+foreach(source ${sources})
+  file(SHA256 ${source} hash)
+  get_filename_component(name ${source} NAME)
+  string(APPEND all "${name} ${hash}\n")
+endforeach()
+string(SHA256 hash "${all}")
+string(SUBSTRING ${hash} 0 8 hash)
+file(WRITE ${OUT} "inline constexpr char kRenderSources[] = \"${hash}\";\n")

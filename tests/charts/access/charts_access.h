@@ -86,7 +86,9 @@ class ChartsAccess {
  private:
   const PathTracer& tracer() const { return renderer_->tracer_; }
   Ray CentreRay(int x, int y, const Sampler& sampler) const;
-  Vec3 RadianceFrom(const PathTracer::FirstSurface<Bsdf>& first, const Sampler& sampler) const;
+  /// PathTracer::Trace of paths that `set` has changed.
+  void TraceAs(std::span<const Ray> rays, std::span<const Sampler> samplers, std::span<LayerSample> out,
+               absl::FunctionRef<void(Path&)> set) const;
 
   const Renderer* renderer_;
 };

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "worker/render/materials/bsdf.h"
@@ -44,10 +45,22 @@ class SurfaceReader {
   SurfaceReader& operator=(const SurfaceReader&) = delete;
 
   /// The surface at `hit` of `ray`, which must not be a miss.
-  Surface Read(const Hit& hit, const Ray& ray) const;
+  Surface Read(const Hit& hit, const Ray& ray) const {
+    Surface surface;
+    Read(hit, ray, &surface);
+    return surface;
+  }
+  /// The same in a place that may have held another surface.
+  void Read(const Hit& hit, const Ray& ray, Surface* surface) const;
+
+  /// Whether the surfaces of an instance have no lobe but the diffuse one.
+  bool IsDiffuseOnly(int instance) const { return instances_[instance].is_diffuse; }
 
   /// The material's values at the surface, with textures applied.
   SurfaceMaterial Shade(const Surface& surface) const;
+
+  /// What Surface::values points to.
+  std::span<const SurfaceMaterial> uniform() const { return uniform_; }
 
   /// Radiance emitted towards the side that the ray came from.
   Vec3 Emitted(const Surface& surface) const { return surface.is_emissive ? EmittedBy(surface) : Vec3{}; }
@@ -61,6 +74,7 @@ class SurfaceReader {
     const scene::Affine* to_world = nullptr;
     bool is_textured = false;  // the material has textures
     bool is_emissive = false;  // the material emits
+    bool is_diffuse = false;   // the material has no lobe but the diffuse one
     bool is_plain = false;     // flat, without textures and vertex colours: the face suffices
   };
 

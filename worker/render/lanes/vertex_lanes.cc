@@ -1,0 +1,146 @@
+#include "worker/render/lanes/vertex_lanes.h"
+
+#include "filter/image/portable_math.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "worker/render/lanes/vertex_lanes.cc"
+#include "hwy/foreach_target.h"
+#include "hwy/highway.h"
+
+#include "worker/render/lanes/base_lobes-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace lumifold::render {
+namespace HWY_NAMESPACE {
+
+/// The paths from number `first` on.
+HWY_INLINE Num At(const LaneRow& row, size_t first) { return Load(row.data() + first); }
+HWY_INLINE Num3 At(const LaneVec& rows, size_t first) {
+  return {At(rows.x, first), At(rows.y, first), At(rows.z, first)};
+}
+HWY_INLINE void Put(Num a, size_t first, LaneRow* row) { Store(a, row->data() + first); }
+HWY_INLINE void Put(Num3 a, size_t first, LaneVec* rows) {
+  Put(a.x, first, &rows->x);
+  Put(a.y, first, &rows->y);
+  Put(a.z, first, &rows->z);
+}
+HWY_INLINE void Put(Mask m, size_t first, LaneRow* row) { Put(Where(m, Num(1.0f)), first, row); }
+
+HWY_INLINE BaseLobes LobesAt(const VertexLanes& in, size_t first, const float* albedos) {
+  BaseLobes lobes;
+  lobes.geometric = At(in.geometric, first);
+  lobes.f0 = At(in.f0, first);
+  const Num f90 = At(in.f90, first);
+  lobes.f90 = {f90, f90, f90};
+  lobes.alpha = At(in.alpha, first);
+  lobes.root_alpha = At(in.root_alpha, first);
+  lobes.dielectric_f0 = At(in.dielectric_f0, first);
+  lobes.dielectric_f90 = At(in.dielectric_f90, first);
+  lobes.mean_albedo = At(in.mean_albedo, first);
+  lobes.Begin(At(in.normal, first), At(in.to_viewer, first), At(in.base_color, first), At(in.metallic, first),
+              At(in.base_weight, first), albedos);
+  return lobes;
+}
+
+/// Direction towards the light, its distance and radiance, and the density of the sample; 0: there is none.
+struct LightLanes {
+  Num3 direction;
+  Num distance;
+  Num pdf;
+};
+
+/// See LightSet::SampleTriangle.
+HWY_INLINE LightLanes SampleTriangles(const VertexLanes& in, size_t first, Num3 position) {
+  const Num ux = At(in.u_light_x, first);
+  const Num uy = At(in.u_light_y, first);
+  const Num least = Num(0.5f) * Min(ux, uy);
+  const Num3 to_light = At(in.corner, first) + At(in.edge1, first) * (ux - least) +
+                        At(in.edge2, first) * (uy - least) - position;
+  const Num distance2 = Dot(to_light, to_light);
+  LightLanes light;
+  light.distance = Sqrt(distance2);
+  light.direction = to_light * (Num(1.0f) / light.distance);
+  const Num cosine = -Dot(light.direction, At(in.light_normal, first));
+  const Mask faces = And(cosine != Num(0.0f), Or(cosine > Num(0.0f), At(in.both_sides, first) > Num(0.0f)));
+  light.pdf = Where(And(distance2 > Num(0.0f), faces),
+                    At(in.inverse_area, first) * distance2 / Abs(cosine) * At(in.probability, first));
+  return light;
+}
+
+/// See PathTracer::SampleLight.
+HWY_INLINE void Connect(const VertexLanes& in, size_t first, const BaseLobes& lobes, const float* albedos,
+                        ShadedLanes* out) {
+  const Num3 position = At(in.position, first);
+  LightLanes light = SampleTriangles(in, first, position);
+  const Mask is_sampled = At(in.is_sampled, first) > Num(0.0f);
+  light.direction = Select(is_sampled, At(in.light_direction, first), light.direction);
+  light.distance = Select(is_sampled, At(in.light_distance, first), light.distance);
+  light.pdf = Select(is_sampled, At(in.light_pdf, first), light.pdf);
+  const LobeValue value = lobes.Evaluate(light.direction, albedos);
+  const Mask is_lit =
+      And(light.pdf > Num(0.0f), Or(value.diffuse > Num(0.0f), MaxComponent(value.non_diffuse) > Num(0.0f)));
+  const Num competing = Select(And(is_sampled, At(in.is_delta, first) > Num(0.0f)), Num(0.0f), value.pdf);
+  Put(Where(is_lit, At(in.radiance, first) * (Num(1.0f) / (light.pdf + competing))), first, &out->light);
+  Put(value.diffuse, first, &out->diffuse);
+  Put(value.non_diffuse, first, &out->non_diffuse);
+  // The shadow ray ends before the light, at the sampled point itself; see SetShadowRay.
+  const Num epsilon = At(in.epsilon, first);
+  const Num side = Select(Dot(light.direction, lobes.geometric) < Num(0.0f), -epsilon, epsilon);
+  const Num3 origin = position + lobes.geometric * side;
+  const Num3 segment = position + light.direction * light.distance - origin;
+  const Num length = Length(segment);
+  const Mask is_finite = light.distance < Num(hwy::HighestValue<float>());
+  Put(origin, first, &out->shadow_origin);
+  Put(Select(is_finite, segment * (Num(1.0f) / length), light.direction), first, &out->shadow_direction);
+  Put(Select(is_finite, length * Num(1.0f - 0x1p-12f), light.distance), first, &out->shadow_distance);
+}
+
+/// See PathTracer::Step.
+HWY_INLINE void TakeStep(const VertexLanes& in, size_t first, const BaseLobes& lobes, const float* albedos,
+                         ShadedLanes* out) {
+  const Num3 throughput = At(in.throughput, first);
+  const Num estimate = MaxComponent(throughput * (lobes.diffuse_albedo + lobes.facets_albedo));
+  const Num scale = At(in.roulette_scale, first);
+  const Num survival =
+      Select(scale > Num(0.0f), Min(Num(1.0f), estimate * scale * At(in.roulette_unit, first)), Num(1.0f));
+  const Num u = At(in.u_lobe, first);
+  const Mask is_certain = survival >= Num(1.0f);
+  const Mask survives = Or(is_certain, u < survival);
+  const Num u_lobe = Select(is_certain, u, Min(u / survival, Num(0x1.fffffep-1f)));
+  const LobeSample step =
+      lobes.Sample(u_lobe, {At(in.u_direction_x, first), At(in.u_direction_y, first)}, albedos);
+  Put(estimate, first, &out->estimate);
+  Put(Where(survives, survival), first, &out->survival);
+  Put(step.direction, first, &out->direction);
+  Put(step.value.diffuse, first, &out->step_diffuse);
+  Put(step.value.non_diffuse, first, &out->step_non_diffuse);
+  Put(step.value.pdf, first, &out->pdf);
+}
+
+void ShadeLanes(const VertexLanes& in, size_t count, const float* albedos, ShadedLanes* out) {
+  for (size_t first = 0; first < count; first += hn::Lanes(LaneTag())) {
+    const BaseLobes lobes = LobesAt(in, first, albedos);
+    Put(lobes.diffuse_albedo, first, &out->diffuse_albedo);
+    Put(lobes.facets_albedo, first, &out->glossy_albedo);
+    Put(lobes.p_diffuse > Num(0.0f), first, &out->has_diffuse);
+    Put(lobes.p_facets > Num(0.0f), first, &out->has_facets);
+    Connect(in, first, lobes, albedos, out);
+    TakeStep(in, first, lobes, albedos, out);
+  }
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace lumifold::render
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace lumifold::render {
+
+HWY_EXPORT(ShadeLanes);
+
+void ShadeLanes(const VertexLanes& in, size_t count, const float* albedos, ShadedLanes* out) {
+  HWY_DYNAMIC_DISPATCH(ShadeLanes)(in, count, albedos, out);
+}
+
+}  // namespace lumifold::render
+#endif

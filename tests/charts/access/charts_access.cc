@@ -138,7 +138,7 @@ void ChartsAccess::TraceAs(std::span<const Ray> rays, std::span<const Sampler> s
     set(paths.back());
   }
   PathStream stream(tracer());
-  stream.Add(paths);
+  stream.Add(rays, paths);
   stream.Run();
 }
 

@@ -51,8 +51,8 @@ struct LightLanes {
 
 /// See LightSet::SampleTriangle.
 HWY_INLINE LightLanes SampleTriangles(const VertexLanes& in, size_t first, Num3 position) {
-  const Num ux = At(in.u_light_x, first);
-  const Num uy = At(in.u_light_y, first);
+  const Num ux = At(in.random.light_point.x, first);
+  const Num uy = At(in.random.light_point.y, first);
   const Num least = Num(0.5f) * Min(ux, uy);
   const Num3 to_light = At(in.corner, first) + At(in.edge1, first) * (ux - least) +
                         At(in.edge2, first) * (uy - least) - position;
@@ -103,18 +103,78 @@ HWY_INLINE void TakeStep(const VertexLanes& in, size_t first, const BaseLobes& l
   const Num scale = At(in.roulette_scale, first);
   const Num survival =
       Select(scale > Num(0.0f), Min(Num(1.0f), estimate * scale * At(in.roulette_unit, first)), Num(1.0f));
-  const Num u = At(in.u_lobe, first);
+  const Num u = At(in.random.light_and_lobe.y, first);
   const Mask is_certain = survival >= Num(1.0f);
   const Mask survives = Or(is_certain, u < survival);
   const Num u_lobe = Select(is_certain, u, Min(u / survival, Num(0x1.fffffep-1f)));
   const LobeSample step =
-      lobes.Sample(u_lobe, {At(in.u_direction_x, first), At(in.u_direction_y, first)}, albedos);
+      lobes.Sample(u_lobe, {At(in.random.direction.x, first), At(in.random.direction.y, first)}, albedos);
   Put(estimate, first, &out->estimate);
   Put(Where(survives, survival), first, &out->survival);
   Put(step.direction, first, &out->direction);
   Put(step.value.diffuse, first, &out->step_diffuse);
   Put(step.value.non_diffuse, first, &out->step_non_diffuse);
   Put(step.value.pdf, first, &out->pdf);
+}
+
+using BitsTag = hn::RebindToUnsigned<LaneTag>;
+using BitsVec = hn::Vec<BitsTag>;
+
+HWY_INLINE BitsVec Constant(uint32_t bits) { return hn::Set(BitsTag(), bits); }
+
+template <int kShift>
+HWY_INLINE BitsVec SwapBits(BitsVec x, uint32_t low) {
+  return hn::Or(hn::ShiftLeft<kShift>(hn::And(x, Constant(low))),
+                hn::And(hn::ShiftRight<kShift>(x), Constant(low)));
+}
+
+// The functions of sampler.cc.
+HWY_INLINE BitsVec ReverseBits(BitsVec x) {
+  x = hn::Or(hn::ShiftLeft<16>(x), hn::ShiftRight<16>(x));
+  x = SwapBits<8>(x, 0x00ff00ffu);
+  x = SwapBits<4>(x, 0x0f0f0f0fu);
+  x = SwapBits<2>(x, 0x33333333u);
+  return SwapBits<1>(x, 0x55555555u);
+}
+
+HWY_INLINE BitsVec ScrambleReversed(BitsVec x, BitsVec seed) {
+  x = hn::Xor(x, hn::Mul(x, Constant(0x3d20adeau)));
+  x = hn::Add(x, seed);
+  x = hn::Mul(x, hn::Or(hn::ShiftRight<16>(seed), Constant(1)));
+  x = hn::Xor(x, hn::Mul(x, Constant(0x05526c56u)));
+  return hn::Xor(x, hn::Mul(x, Constant(0x53a22864u)));
+}
+
+HWY_INLINE BitsVec SobolSecondReversed(BitsVec i) {
+  i = hn::Xor(i, hn::And(hn::ShiftRight<1>(i), Constant(0x55555555u)));
+  i = hn::Xor(i, hn::And(hn::ShiftRight<2>(i), Constant(0x33333333u)));
+  i = hn::Xor(i, hn::And(hn::ShiftRight<4>(i), Constant(0x0f0f0f0fu)));
+  i = hn::Xor(i, hn::And(hn::ShiftRight<8>(i), Constant(0x00ff00ffu)));
+  return hn::Xor(i, hn::And(hn::ShiftRight<16>(i), Constant(0x0000ffffu)));
+}
+
+HWY_INLINE void PutUnitFloats(BitsVec x, size_t first, LaneRow* row) {
+  const auto whole = hn::BitCast(IntLaneTag(), hn::ShiftRight<8>(x));
+  Put(Num(hn::ConvertTo(LaneTag(), whole)) * Num(0x1p-24f), first, row);
+}
+
+HWY_INLINE void DrawPair(const RandomLanes& in, size_t pair, size_t first, LanePair* out) {
+  const BitsTag d;
+  const BitsVec shuffle = hn::LoadU(d, in.shuffle[pair].data() + first);
+  const BitsVec scramble_x = hn::LoadU(d, in.scramble[pair].data() + first);
+  const BitsVec scramble_y = hn::Add(hn::Mul(scramble_x, Constant(0x9e3779b1u)), shuffle);
+  const BitsVec index =
+      ReverseBits(ScrambleReversed(hn::LoadU(d, in.reversed_index.data() + first), shuffle));
+  PutUnitFloats(ReverseBits(ScrambleReversed(index, scramble_x)), first, &out->x);
+  PutUnitFloats(ReverseBits(ScrambleReversed(SobolSecondReversed(index), scramble_y)), first, &out->y);
+}
+
+void DrawLanes(RandomLanes* random, size_t count) {
+  for (size_t first = 0; first < count; first += hn::Lanes(LaneTag())) {
+    DrawPair(*random, 0, first, &random->light_and_lobe);
+    DrawPair(*random, 1, first, &random->light_point);
+    DrawPair(*random, 2, first, &random->direction);
+  }
 }
 
 void ShadeLanes(const VertexLanes& in, size_t count, const float* albedos, ShadedLanes* out) {
@@ -136,7 +196,10 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace lumifold::render {
 
+HWY_EXPORT(DrawLanes);
 HWY_EXPORT(ShadeLanes);
+
+void DrawLanes(RandomLanes* random, size_t count) { HWY_DYNAMIC_DISPATCH(DrawLanes)(random, count); }
 
 void ShadeLanes(const VertexLanes& in, size_t count, const float* albedos, ShadedLanes* out) {
   HWY_DYNAMIC_DISPATCH(ShadeLanes)(in, count, albedos, out);

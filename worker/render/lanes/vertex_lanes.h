@@ -25,6 +25,25 @@ struct LaneVec {
   scene::Vec3 At(size_t lane) const { return {x[lane], y[lane], z[lane]}; }
 };
 
+/// Two random numbers in [0, 1) of each path.
+struct LanePair {
+  LaneRow x, y;
+
+  scene::Vec2 At(size_t lane) const { return {x[lane], y[lane]}; }
+};
+
+/// The random numbers of a vertex: its pairs of dimensions in the order of PathSampler.
+struct RandomLanes {
+  static constexpr size_t kPairs = 3;
+  using Bits = std::array<uint32_t, kMaxLanes>;
+
+  // See Sampler::Seeds.
+  Bits reversed_index;
+  std::array<Bits, kPairs> shuffle, scramble;
+  // The numbers.
+  LanePair light_and_lobe, light_point, direction;
+};
+
 /// What is known of the vertices of some paths before they are shaded. Rows are indexed by path.
 struct alignas(64) VertexLanes {
   // The surface; see Surface.
@@ -36,8 +55,7 @@ struct alignas(64) VertexLanes {
   // The path: its throughput, and Russian roulette, see Roulette::Survival.
   LaneVec throughput;
   LaneRow roulette_scale, roulette_unit;  // whose product times the throughput it survives; 0: it goes on
-  // Random numbers.
-  LaneRow u_lobe, u_light_x, u_light_y, u_direction_x, u_direction_y;
+  RandomLanes random;
   // The light that was picked: a triangle.
   LaneVec corner, edge1, edge2, light_normal, radiance;
   LaneRow inverse_area, probability, both_sides;
@@ -57,6 +75,9 @@ struct alignas(64) ShadedLanes {
   LaneVec direction, step_non_diffuse;
   LaneRow survival, step_diffuse, pdf;
 };
+
+/// Draws the numbers of the first `count` paths: those of Sampler::Get2D.
+void DrawLanes(RandomLanes* random, size_t count);
 
 /// Shades the first `count` paths, whose surfaces have a diffuse lobe, rough reflection, or both, and no
 /// other. `albedos` is AlbedoTable::Nodes(). Whole vectors are read and written: what lies behind `count` has

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "worker/render/lanes/vertex_lanes.h"
 #include "worker/render/lights/light_tree.h"
 #include "worker/render/materials/bsdf.h"
 #include "worker/render/sampling/sampler.h"
@@ -18,6 +19,13 @@ inline constexpr uint32_t kLensPair = 1u << 20;
 /// First dimension pair of the transmission branch of a sample: above all pairs that the other branch uses.
 inline constexpr uint32_t kTransmissionPairs = 1u << 16;
 
+/// The random numbers of a path vertex.
+struct VertexNumbers {
+  Vec2 light_and_lobe;
+  Vec2 light_point;
+  Vec2 direction;
+};
+
 /// Random numbers of one path: kPairsPerSurface dimension pairs of its sample for each path vertex. Two paths
 /// of one sample use disjoint ranges of pairs.
 class PathSampler {
@@ -28,7 +36,19 @@ class PathSampler {
   explicit PathSampler(const Sampler& sampler, uint32_t first_pair = kCameraPair + 1)
       : sampler_(&sampler), first_pair_(first_pair) {}
 
-  Vec2 Get2D(int vertex, Pair pair) const { return sampler_->Get2D(PairOf(vertex, pair)); }
+  VertexNumbers Draw(int vertex) const {
+    return {sampler_->Get2D(PairOf(vertex, kLightAndLobe)), sampler_->Get2D(PairOf(vertex, kLightPoint)),
+            sampler_->Get2D(PairOf(vertex, kDirection))};
+  }
+  /// Sets what DrawLanes() draws the vertex's pairs from.
+  void SetLane(int vertex, size_t lane, RandomLanes* out) const {
+    out->reversed_index[lane] = sampler_->reversed_index();
+    for (uint32_t pair = 0; pair < kPairsPerSurface; ++pair) {
+      const Sampler::Seeds seeds = sampler_->SeedsOf(PairOf(vertex, static_cast<Pair>(pair)));
+      out->shuffle[pair][lane] = seeds.shuffle;
+      out->scramble[pair][lane] = seeds.scramble;
+    }
+  }
   /// Random key of the ray that leaves path vertex number `vertex`.
   uint64_t Key(int vertex) const { return sampler_->Key(PairOf(vertex, kDirection)); }
 

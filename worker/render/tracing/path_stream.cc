@@ -11,12 +11,12 @@ void PathStream::Add(std::span<const Ray> rays, std::span<const Sampler> sampler
     out[i].Clear();
     paths_.emplace_back(rays[i], samplers[i], tracer_->plan_.levels, &out[i]);
   }
-  packets_.push_back(rays.size());
+  packets_.push_back(rays);
 }
 
-void PathStream::Add(std::span<const Path> packet) {
-  paths_.insert(paths_.end(), packet.begin(), packet.end());
-  packets_.push_back(packet.size());
+void PathStream::Add(std::span<const Ray> rays, std::span<const Path> paths) {
+  paths_.insert(paths_.end(), paths.begin(), paths.end());
+  packets_.push_back(rays);
 }
 
 void PathStream::Run() {
@@ -33,30 +33,31 @@ void PathStream::Run() {
 
 void PathStream::AdvancePackets() {
   size_t first = 0;
-  for (const size_t count : packets_) {
-    std::array<Ray, PathTracer::kPacket> rays;
+  for (const std::span<const Ray> rays : packets_) {
     std::array<Hit, PathTracer::kPacket> hits;
-    for (size_t i = 0; i < count; ++i) rays[i] = paths_[first + i].ray;
-    tracer_->embree_->IntersectTogether({rays.data(), count}, hits);
+    tracer_->embree_->IntersectTogether(rays, hits);
     lit_ = 0;
-    for (size_t i = 0; i < count; ++i) Shade(first + i, hits[i]);
+    for (size_t i = 0; i < rays.size(); ++i) Shade(first + i, hits[i]);
     FlushAll();
     if (lit_ > 0) {
+      std::array<Ray, PathTracer::kPacket> shadow_rays;
       std::array<Vec3, PathTracer::kPacket> transmittances;
-      for (size_t i = 0; i < lit_; ++i) rays[i] = shadows_[i].connection.ray;
-      tracer_->visibility_.Transmittances({rays.data(), lit_}, transmittances);
+      for (size_t i = 0; i < lit_; ++i) shadow_rays[i] = shadows_[i].connection.ray;
+      tracer_->visibility_.Transmittances({shadow_rays.data(), lit_}, transmittances);
       for (size_t i = 0; i < lit_; ++i) Arrive(i, transmittances[i]);
     }
     FinishEnded();
-    first += count;
+    first += rays.size();
   }
 }
 
 void PathStream::Advance() {
-  hits_.resize(live_.size());
-  for (size_t i = 0; i < live_.size(); ++i) hits_[i] = tracer_->embree_->Intersect(paths_[live_[i]].ray);
   arriving_.swap(live_);
   live_.clear();
+  rays_.clear();
+  for (const size_t path : arriving_) rays_.push_back(&paths_[path].ray);
+  hits_.resize(rays_.size());
+  tracer_->embree_->IntersectEach(rays_, hits_);
   lit_ = 0;
   for (size_t i = 0; i < arriving_.size(); ++i) Shade(arriving_[i], hits_[i]);
   FlushAll();
@@ -65,40 +66,57 @@ void PathStream::Advance() {
 }
 
 void PathStream::Shade(size_t path, const Hit& hit) {
-  Queue& queue = queues_[!hit.IsMiss() && tracer_->surfaces_.IsDiffuseOnly(hit.instance) ? 0 : 1];
-  Vertex& vertex = queue.vertices[queue.count];
-  if (!tracer_->Reach(hit, &paths_[path], &vertex.surface)) {
+  Kind kind = !hit.IsMiss() && tracer_->surfaces_.IsDiffuseOnly(hit.instance) ? kDiffuse : kBase;
+  Vertex* vertex = &queues_[kind].vertices[queues_[kind].count];
+  if (!tracer_->Reach(hit, &paths_[path], &vertex->surface)) {
     ended_.push_back(path);
     return;
   }
+  vertex->path = path;
+  vertex->hit = &hit;
+  if (vertex->surface.values == nullptr) vertex->textured = tracer_->surfaces_.Shade(vertex->surface);
   BaseMaterial textured;
-  const BaseMaterial* material = tracer_->LaneMaterialOf(vertex.surface, &textured);
+  const BaseMaterial* material = tracer_->LaneMaterialOf(vertex->surface, vertex->material(), &textured);
   if (material == nullptr) {
-    Connection* connection = Open(path);
-    Close(path, tracer_->Scatter(hit, vertex.surface, &paths_[path], connection, &branches_));
-    return;
+    kind = kRare;
+    queues_[kRare].vertices[queues_[kRare].count] = *vertex;
+  } else {
+    vertex->alpha = material->alpha;
+    tracer_->SetLane(vertex->surface, *material, paths_[path], queues_[kind].count, &queues_[kind].lanes);
   }
-  tracer_->SetLane(vertex.surface, *material, paths_[path], queue.count, &queue.lanes);
-  vertex.path = path;
-  vertex.hit = &hit;
-  vertex.alpha = material->alpha;
-  if (++queue.count == kMaxLanes) Flush(&queue);
+  Queue& queue = queues_[kind];
+  paths_[path].random.SetLane(paths_[path].vertex, queue.count, &queue.lanes.random);
+  if (++queue.count == kMaxLanes) Flush(kind);
 }
 
-void PathStream::Flush(Queue* queue) {
-  if (queue->count == 0) return;
-  ShadeLanes(queue->lanes, queue->count, tracer_->albedo_table_.Nodes(), &shaded_);
-  for (size_t i = 0; i < queue->count; ++i) {
-    const Vertex& vertex = queue->vertices[i];
-    Connection* connection = Open(vertex.path);
-    Close(vertex.path, tracer_->ScatterLane(*vertex.hit, vertex.surface, vertex.alpha, shaded_, i,
-                                            &paths_[vertex.path], connection));
+void PathStream::Flush(size_t kind) {
+  Queue& queue = queues_[kind];
+  if (queue.count == 0) return;
+  const RandomLanes& random = queue.lanes.random;
+  DrawLanes(&queue.lanes.random, queue.count);
+  if (kind != kRare) {
+    for (size_t i = 0; i < queue.count; ++i)
+      tracer_->SetLightLane(queue.vertices[i].surface, paths_[queue.vertices[i].path], i, &queue.lanes);
+    ShadeLanes(queue.lanes, queue.count, tracer_->albedo_table_.Nodes(), &shaded_);
   }
-  queue->count = 0;
+  for (size_t i = 0; i < queue.count; ++i) {
+    const Vertex& vertex = queue.vertices[i];
+    Path* path = &paths_[vertex.path];
+    Connection* connection = Open(vertex.path);
+    const bool goes_on =
+        kind == kRare
+            ? tracer_->Scatter(
+                  *vertex.hit, vertex.surface, vertex.material(),
+                  {random.light_and_lobe.At(i), random.light_point.At(i), random.direction.At(i)}, path,
+                  connection, &branches_)
+            : tracer_->ScatterLane(*vertex.hit, vertex.surface, vertex.alpha, shaded_, i, path, connection);
+    Close(vertex.path, goes_on);
+  }
+  queue.count = 0;
 }
 
 void PathStream::FlushAll() {
-  for (Queue& queue : queues_) Flush(&queue);
+  for (size_t kind = 0; kind < kKinds; ++kind) Flush(kind);
 }
 
 Connection* PathStream::Open(size_t path) {

@@ -19,10 +19,10 @@ class PathStream {
   explicit PathStream(const PathTracer& tracer) : tracer_(&tracer) {}
 
   /// Adds samples of one packet, at most PathTracer::kPacket; `out` receives them. The rays' random keys are
-  /// set. What the spans of samplers and results refer to is in use until the end of Run().
+  /// set. What the spans refer to is in use until the end of Run().
   void Add(std::span<const Ray> rays, std::span<const Sampler> samplers, std::span<LayerSample> out);
-  /// Adds a packet of paths, which have not begun.
-  void Add(std::span<const Path> packet);
+  /// Adds a packet of paths, which have not begun, and their rays.
+  void Add(std::span<const Ray> rays, std::span<const Path> paths);
   /// Traces what was added, and forgets it.
   void Run();
 
@@ -36,7 +36,10 @@ class PathStream {
     size_t path;
     const Hit* hit;
     Surface surface;
-    float alpha;  // of its material
+    SurfaceMaterial textured;  // the material, if it is not the same everywhere
+    float alpha;               // of a material that has lanes
+
+    const SurfaceMaterial& material() const { return surface.values != nullptr ? *surface.values : textured; }
   };
   /// Vertices of one kind.
   struct Queue {
@@ -44,11 +47,12 @@ class PathStream {
     std::array<Vertex, kMaxLanes> vertices;
     VertexLanes lanes;
   };
+  enum Kind : size_t { kDiffuse, kBase, kRare, kKinds };  // kRare has no lanes but for random numbers
 
   /// Shades the end of a live path's ray, or puts it in a queue.
   void Shade(size_t path, const Hit& hit);
   /// Shades the vertices of a queue.
-  void Flush(Queue* queue);
+  void Flush(size_t kind);
   void FlushAll();
   /// A connection for a path, which is kept if Close() says that it has light.
   Connection* Open(size_t path);
@@ -66,12 +70,13 @@ class PathStream {
 
   const PathTracer* tracer_;
   std::vector<Path> paths_;
-  std::vector<size_t> packets_;  // number of paths in each
-  std::vector<Path> branches_;   // begin when the other paths have ended
-  std::vector<size_t> live_;     // numbers of the paths that go on, in order
-  std::vector<size_t> ended_;    // those that have ended and wait for their last light
+  std::vector<std::span<const Ray>> packets_;  // rays of the packets' paths
+  std::vector<const Ray*> rays_;
+  std::vector<Path> branches_;  // begin when the other paths have ended
+  std::vector<size_t> live_;    // numbers of the paths that go on, in order
+  std::vector<size_t> ended_;   // those that have ended and wait for their last light
   std::vector<Hit> hits_;
-  std::array<Queue, 2> queues_;  // of purely diffuse vertices, and of others
+  std::array<Queue, kKinds> queues_;
   ShadedLanes shaded_;
   std::vector<size_t> arriving_;  // the live paths before
   std::vector<Shadow> shadows_;   // the first lit_ of them are in use

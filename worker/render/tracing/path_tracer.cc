@@ -121,11 +121,11 @@ float PathTracer::LightSampleWeight(const LightSample& sample, float bsdf_pdf) c
   return strategy_ == LightStrategy::kCombined ? 1.0f / (sample.pdf + bsdf_pdf) : 0.0f;
 }
 
-void PathTracer::SampleLight(const Surface& surface, const Bsdf& bsdf, float u_light, const Path& path,
-                             Connection* out) const {
+void PathTracer::SampleLight(const Surface& surface, const Bsdf& bsdf, const VertexNumbers& random,
+                             const Path& path, Connection* out) const {
   if (lights_.IsEmpty() || !bsdf.HasNonDeltaLobe()) return;
-  const LightSample sample = lights_.Sample({surface.position, surface.normal}, u_light,
-                                            path.random.Get2D(path.vertex, PathSampler::kLightPoint));
+  const LightSample sample =
+      lights_.Sample({surface.position, surface.normal}, random.light_and_lobe.x, random.light_point);
   if (sample.pdf <= 0) return;
   float bsdf_pdf = 0;
   out->value = bsdf.Evaluate(sample.direction, &bsdf_pdf);
@@ -157,7 +157,11 @@ Vec3 PathTracer::EmittedOnMiss(Vec3 direction, float pdf) const {
 bool PathTracer::Shade(const Hit& hit, Path* path, Connection* connection,
                        std::vector<Path>* branches) const {
   Surface surface;
-  return Reach(hit, path, &surface) && Scatter(hit, surface, path, connection, branches);
+  if (!Reach(hit, path, &surface)) return false;
+  const VertexNumbers random = path->random.Draw(path->vertex);
+  if (surface.values != nullptr)
+    return Scatter(hit, surface, *surface.values, random, path, connection, branches);
+  return Scatter(hit, surface, surfaces_.Shade(surface), random, path, connection, branches);
 }
 
 bool PathTracer::Reach(const Hit& hit, Path* path, Surface* surface) const {
@@ -181,22 +185,22 @@ Roulette PathTracer::RouletteAt(const Path& path) const {
   return path.part == PathPart::kSeen ? Roulette{} : plan_.roulette;
 }
 
-bool PathTracer::Scatter(const Hit& hit, const Surface& surface, Path* path, Connection* connection,
+bool PathTracer::Scatter(const Hit& hit, const Surface& surface, const SurfaceMaterial& material,
+                         const VertexNumbers& random, Path* path, Connection* connection,
                          std::vector<Path>* branches) const {
-  const Bsdf bsdf = MakeBsdf(surface, -path->ray.direction);
+  const Bsdf bsdf(material, albedo_table_, surface.normal, surface.geometric, -path->ray.direction);
   const bool is_seen = path->part == PathPart::kSeen;
   if (is_seen) {
     OpenSeen(hit, surface,
              {bsdf.DiffuseAlbedo(), bsdf.GlossyAlbedo(), bsdf.HasDiffuse(), bsdf.ReflectionAlpha()}, path);
   }
-  const Vec2 light_and_lobe = path->random.Get2D(path->vertex, PathSampler::kLightAndLobe);
-  if (is_seen || !path->is_direct_only) SampleLight(surface, bsdf, light_and_lobe.x, *path, connection);
+  if (is_seen || !path->is_direct_only) SampleLight(surface, bsdf, random, *path, connection);
 
-  float u_lobe = light_and_lobe.y;
+  float u_lobe = random.light_and_lobe.y;
   path->estimate = MaxComponent(path->before * path->throughput * bsdf.Albedo());
   const float survival = path->is_recorded ? 1.0f : RouletteAt(*path).Survival(path->vertex, path->estimate);
   if (!Survives(survival, &u_lobe)) return false;
-  const BsdfSample step = bsdf.Sample(u_lobe, path->random.Get2D(path->vertex, PathSampler::kDirection));
+  const BsdfSample step = bsdf.Sample(u_lobe, random.direction);
   if (is_seen && step.is_delta && path->vertex == 0 && !path->is_single && bsdf.IsSmoothGlass())
     return TakeBothBranches(surface, bsdf, path, branches);
   return TakeStep(surface, bsdf.DiffuseAlbedo(), step, survival, path);
@@ -237,13 +241,13 @@ bool PathTracer::TakeSeenStep(const Surface& surface, Vec3 diffuse_albedo, BsdfS
   return true;
 }
 
-const BaseMaterial* PathTracer::LaneMaterialOf(const Surface& surface, BaseMaterial* textured) const {
+const BaseMaterial* PathTracer::LaneMaterialOf(const Surface& surface, const SurfaceMaterial& material,
+                                               BaseMaterial* textured) const {
   if (strategy_ != LightStrategy::kCombined) return nullptr;
   if (surface.values != nullptr) {
     const UniformMaterial& uniform = uniform_[surface.values - surfaces_.uniform().data()];
     return uniform.is_base_only ? &uniform.base : nullptr;
   }
-  const SurfaceMaterial material = surfaces_.Shade(surface);
   if (!material.IsBaseOnly()) return nullptr;
   *textured = BaseMaterial(material, albedo_table_);
   return textured;
@@ -270,26 +274,17 @@ void PathTracer::SetLane(const Surface& surface, const BaseMaterial& material, c
   const Roulette rule = RouletteAt(path);
   out->roulette_scale[lane] = rule.Scale(path.vertex);
   out->roulette_unit[lane] = rule.Unit();
-  const Vec2 light_and_lobe = path.random.Get2D(path.vertex, PathSampler::kLightAndLobe);
-  const Vec2 direction = path.random.Get2D(path.vertex, PathSampler::kDirection);
-  out->u_lobe[lane] = light_and_lobe.y;
-  out->u_direction_x[lane] = direction.x;
-  out->u_direction_y[lane] = direction.y;
-  SetLightLane(surface, path, light_and_lobe.x, lane, out);
 }
 
-void PathTracer::SetLightLane(const Surface& surface, const Path& path, float u_light, size_t lane,
-                              VertexLanes* out) const {
+void PathTracer::SetLightLane(const Surface& surface, const Path& path, size_t lane, VertexLanes* out) const {
   const LightReceiver receiver = {surface.position, surface.normal};
   out->is_sampled[lane] = 1;
   out->light_pdf[lane] = 0;
   if (lights_.IsEmpty() || (path.is_direct_only && path.part != PathPart::kSeen)) return;
-  const Vec2 u = path.random.Get2D(path.vertex, PathSampler::kLightPoint);
+  const float u_light = out->random.light_and_lobe.x[lane];
   float probability = 0;
   if (const LightTriangle* light = lights_.PickPlainTriangle(receiver, u_light, &probability)) {
     out->is_sampled[lane] = 0;
-    out->u_light_x[lane] = u.x;
-    out->u_light_y[lane] = u.y;
     out->corner.Set(lane, light->corner);
     out->edge1.Set(lane, light->edge1);
     out->edge2.Set(lane, light->edge2);
@@ -300,7 +295,7 @@ void PathTracer::SetLightLane(const Surface& surface, const Path& path, float u_
     out->both_sides[lane] = light->double_sided ? 1.0f : 0.0f;
     return;
   }
-  const LightSample sample = lights_.Sample(receiver, u_light, u);
+  const LightSample sample = lights_.Sample(receiver, u_light, out->random.light_point.At(lane));
   out->light_pdf[lane] = sample.pdf;
   out->light_direction.Set(lane, sample.direction);
   out->light_distance[lane] = sample.distance;

@@ -89,15 +89,16 @@ class PathTracer {
   /// set.
   bool Reach(const Hit& hit, Path* path, Surface* surface) const;
   /// The rest.
-  bool Scatter(const Hit& hit, const Surface& surface, Path* path, Connection* connection,
+  bool Scatter(const Hit& hit, const Surface& surface, const SurfaceMaterial& material,
+               const VertexNumbers& random, Path* path, Connection* connection,
                std::vector<Path>* branches) const;
-  /// The rest by lanes, for surfaces that have a BaseMaterial here: sets what ShadeLanes() reads, and does what
-  /// follows from its result. `textured` is where the material may be kept.
-  const BaseMaterial* LaneMaterialOf(const Surface& surface, BaseMaterial* textured) const;
+  /// The rest by lanes, for materials of which this is not null: sets what ShadeLanes() reads, and does what
+  /// follows from its result. `textured` is where the result may be kept.
+  const BaseMaterial* LaneMaterialOf(const Surface& surface, const SurfaceMaterial& material,
+                                     BaseMaterial* textured) const;
   void SetLane(const Surface& surface, const BaseMaterial& material, const Path& path, size_t lane,
                VertexLanes* out) const;
-  void SetLightLane(const Surface& surface, const Path& path, float u_light, size_t lane,
-                    VertexLanes* out) const;
+  void SetLightLane(const Surface& surface, const Path& path, size_t lane, VertexLanes* out) const;
   bool ScatterLane(const Hit& hit, const Surface& surface, float alpha, const ShadedLanes& shaded,
                    size_t lane, Path* path, Connection* connection) const;
   /// Traces a path that has left its first surface to its end, alone. If `record` is not null, its vertices
@@ -111,7 +112,7 @@ class PathTracer {
   float LightSampleWeight(const LightSample& sample, float bsdf_pdf) const;
   /// Samples a point on the lights. The radiance is divided by the density and MIS-weighted against
   /// Bsdf::Sample().
-  void SampleLight(const Surface& surface, const Bsdf& bsdf, float u_light, const Path& path,
+  void SampleLight(const Surface& surface, const Bsdf& bsdf, const VertexNumbers& random, const Path& path,
                    Connection* out) const;
   /// Radiance that the hit surface emits back along the path's ray, MIS-weighted against SampleLight().
   Vec3 EmittedOnHit(const Surface& surface, const Hit& hit, const Path& path) const;

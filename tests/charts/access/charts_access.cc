@@ -25,6 +25,14 @@ void ChartsAccess::SetLightStrategy(LightStrategy strategy, Renderer* renderer) 
   renderer->tracer_.strategy_ = strategy;
 }
 
+void ChartsAccess::SetShading(Shading shading, Renderer* renderer) {
+  renderer->tracer_.uses_lanes_ = shading == Shading::kInLanes;
+}
+
+void ChartsAccess::SetStreamPackets(size_t packets, Renderer* renderer) {
+  renderer->stream_packets_ = packets;
+}
+
 void ChartsAccess::TraceSamples(const Rect& rect, int frame, SampleRange range,
                                 absl::FunctionRef<void(const SampleRecord&)> visit) const {
   static_assert(kFirstSurfacePairs == PathSampler::kPairsPerSurface);
@@ -110,8 +118,8 @@ void ChartsAccess::TraceRadiance(std::span<const Ray> rays, std::span<const Samp
                                  std::span<Vec3> out) const {
   std::array<LayerSample, PathTracer::kPacket> samples;
   TraceAs(rays, samplers, samples, [](Path& path) {
-    path.levels = 0;
-    path.is_single = true;
+    path.options.levels = 0;
+    path.options.is_single = true;
   });
   for (size_t i = 0; i < rays.size(); ++i) out[i] = samples[i].combined;
 }
@@ -119,7 +127,7 @@ void ChartsAccess::TraceRadiance(std::span<const Ray> rays, std::span<const Samp
 void ChartsAccess::TraceWithoutIndirect(std::span<const Ray> rays, std::span<const Sampler> samplers,
                                         std::span<LayerSample> out,
                                         std::span<std::optional<Surface>> diffuse) const {
-  TraceAs(rays, samplers, out, [](Path& path) { path.is_direct_only = true; });
+  TraceAs(rays, samplers, out, [](Path& path) { path.options.is_direct_only = true; });
   for (size_t i = 0; i < rays.size(); ++i) {
     // Paths that were traced for their glossy light carry indirect light too.
     out[i].combined = out[i].combined - out[i].indirect * out[i].albedo;

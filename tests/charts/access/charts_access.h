@@ -52,6 +52,12 @@ class ChartsAccess {
   /// Replaces the light strategy with which `renderer` traces.
   static void SetLightStrategy(LightStrategy strategy, Renderer* renderer);
 
+  /// Whether vertices are shaded side by side where they can be. The bits are the same.
+  enum class Shading { kInLanes, kAlone };
+  static void SetShading(Shading shading, Renderer* renderer);
+  /// Sets how many packets of samples a pass traces together. The bits are the same.
+  static void SetStreamPackets(size_t packets, Renderer* renderer);
+
   /// Traces the samples that Renderer::RenderPass would trace and calls visit for each, pixel by pixel, also
   /// for those that are not finite.
   void TraceSamples(const Rect& rect, int frame, SampleRange range,

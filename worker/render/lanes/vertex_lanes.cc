@@ -28,81 +28,85 @@ HWY_INLINE void Put(Mask m, size_t first, LaneRow* row) { Put(Where(m, Num(1.0f)
 
 HWY_INLINE BaseLobes LobesAt(const VertexLanes& in, size_t first, const float* albedos) {
   BaseLobes lobes;
-  lobes.geometric = At(in.geometric, first);
-  lobes.f0 = At(in.f0, first);
-  const Num f90 = At(in.f90, first);
+  lobes.geometric = At(in.surface.geometric, first);
+  lobes.f0 = At(in.material.f0, first);
+  const Num f90 = At(in.material.f90, first);
   lobes.f90 = {f90, f90, f90};
-  lobes.alpha = At(in.alpha, first);
-  lobes.root_alpha = At(in.root_alpha, first);
-  lobes.dielectric_f0 = At(in.dielectric_f0, first);
-  lobes.dielectric_f90 = At(in.dielectric_f90, first);
-  lobes.mean_albedo = At(in.mean_albedo, first);
-  lobes.Begin(At(in.normal, first), At(in.to_viewer, first), At(in.base_color, first), At(in.metallic, first),
-              At(in.base_weight, first), albedos);
+  lobes.alpha = At(in.material.alpha, first);
+  lobes.root_alpha = At(in.material.root_alpha, first);
+  lobes.dielectric_f0 = At(in.material.dielectric_f0, first);
+  lobes.dielectric_f90 = At(in.material.dielectric_f90, first);
+  lobes.mean_albedo = At(in.material.mean_albedo, first);
+  lobes.Begin(At(in.surface.normal, first), At(in.surface.to_viewer, first),
+              At(in.material.base_color, first), At(in.material.metallic, first),
+              At(in.material.base_weight, first), albedos);
   return lobes;
 }
 
 /// Direction towards the light, its distance and radiance, and the density of the sample; 0: there is none.
-struct LightLanes {
+struct PickedLight {
   Num3 direction;
   Num distance;
   Num pdf;
 };
 
 /// See LightSet::SampleTriangle.
-HWY_INLINE LightLanes SampleTriangles(const VertexLanes& in, size_t first, Num3 position) {
+HWY_INLINE PickedLight SampleTriangles(const VertexLanes& in, size_t first, Num3 position) {
   const Num ux = At(in.random.light_point.x, first);
   const Num uy = At(in.random.light_point.y, first);
   const Num least = Num(0.5f) * Min(ux, uy);
-  const Num3 to_light = At(in.corner, first) + At(in.edge1, first) * (ux - least) +
-                        At(in.edge2, first) * (uy - least) - position;
+  const Num3 to_light = At(in.triangle.corner, first) + At(in.triangle.edge1, first) * (ux - least) +
+                        At(in.triangle.edge2, first) * (uy - least) - position;
   const Num distance2 = Dot(to_light, to_light);
-  LightLanes light;
+  PickedLight light;
   light.distance = Sqrt(distance2);
   light.direction = to_light * (Num(1.0f) / light.distance);
-  const Num cosine = -Dot(light.direction, At(in.light_normal, first));
-  const Mask faces = And(cosine != Num(0.0f), Or(cosine > Num(0.0f), At(in.both_sides, first) > Num(0.0f)));
-  light.pdf = Where(And(distance2 > Num(0.0f), faces),
-                    At(in.inverse_area, first) * distance2 / Abs(cosine) * At(in.probability, first));
+  const Num cosine = -Dot(light.direction, At(in.triangle.normal, first));
+  const Mask faces =
+      And(cosine != Num(0.0f), Or(cosine > Num(0.0f), At(in.triangle.both_sides, first) > Num(0.0f)));
+  light.pdf = Where(And(distance2 > Num(0.0f), faces), At(in.triangle.inverse_area, first) * distance2 /
+                                                           Abs(cosine) * At(in.triangle.probability, first));
   return light;
 }
 
 /// See PathTracer::SampleLight.
 HWY_INLINE void Connect(const VertexLanes& in, size_t first, const BaseLobes& lobes, const float* albedos,
                         ShadedLanes* out) {
-  const Num3 position = At(in.position, first);
-  LightLanes light = SampleTriangles(in, first, position);
-  const Mask is_sampled = At(in.is_sampled, first) > Num(0.0f);
-  light.direction = Select(is_sampled, At(in.light_direction, first), light.direction);
-  light.distance = Select(is_sampled, At(in.light_distance, first), light.distance);
-  light.pdf = Select(is_sampled, At(in.light_pdf, first), light.pdf);
+  const Num3 position = At(in.surface.position, first);
+  PickedLight light = SampleTriangles(in, first, position);
+  const Mask is_sampled = At(in.light.is_sampled, first) > Num(0.0f);
+  light.direction = Select(is_sampled, At(in.light.direction, first), light.direction);
+  light.distance = Select(is_sampled, At(in.light.distance, first), light.distance);
+  light.pdf = Select(is_sampled, At(in.light.pdf, first), light.pdf);
   const LobeValue value = lobes.Evaluate(light.direction, albedos);
   const Mask is_lit =
       And(light.pdf > Num(0.0f), Or(value.diffuse > Num(0.0f), MaxComponent(value.non_diffuse) > Num(0.0f)));
-  const Num competing = Select(And(is_sampled, At(in.is_delta, first) > Num(0.0f)), Num(0.0f), value.pdf);
-  Put(Where(is_lit, At(in.radiance, first) * (Num(1.0f) / (light.pdf + competing))), first, &out->light);
-  Put(value.diffuse, first, &out->diffuse);
-  Put(value.non_diffuse, first, &out->non_diffuse);
+  const Num competing =
+      Select(And(is_sampled, At(in.light.is_delta, first) > Num(0.0f)), Num(0.0f), value.pdf);
+  Put(Where(is_lit, At(in.light.radiance, first) * (Num(1.0f) / (light.pdf + competing))), first,
+      &out->connection.light);
+  Put(value.diffuse, first, &out->connection.diffuse);
+  Put(value.non_diffuse, first, &out->connection.non_diffuse);
   // The shadow ray ends before the light, at the sampled point itself; see SetShadowRay.
-  const Num epsilon = At(in.epsilon, first);
+  const Num epsilon = At(in.surface.epsilon, first);
   const Num side = Select(Dot(light.direction, lobes.geometric) < Num(0.0f), -epsilon, epsilon);
   const Num3 origin = position + lobes.geometric * side;
   const Num3 segment = position + light.direction * light.distance - origin;
   const Num length = Length(segment);
   const Mask is_finite = light.distance < Num(hwy::HighestValue<float>());
-  Put(origin, first, &out->shadow_origin);
-  Put(Select(is_finite, segment * (Num(1.0f) / length), light.direction), first, &out->shadow_direction);
-  Put(Select(is_finite, length * Num(1.0f - 0x1p-12f), light.distance), first, &out->shadow_distance);
+  Put(origin, first, &out->connection.origin);
+  Put(Select(is_finite, segment * (Num(1.0f) / length), light.direction), first, &out->connection.direction);
+  Put(Select(is_finite, length * Num(1.0f - 0x1p-12f), light.distance), first, &out->connection.distance);
 }
 
 /// See PathTracer::Step.
 HWY_INLINE void TakeStep(const VertexLanes& in, size_t first, const BaseLobes& lobes, const float* albedos,
                          ShadedLanes* out) {
-  const Num3 throughput = At(in.throughput, first);
+  const Num3 throughput = At(in.path.throughput, first);
   const Num estimate = MaxComponent(throughput * (lobes.diffuse_albedo + lobes.facets_albedo));
-  const Num scale = At(in.roulette_scale, first);
+  const Num scale = At(in.path.scale, first);
   const Num survival =
-      Select(scale > Num(0.0f), Min(Num(1.0f), estimate * scale * At(in.roulette_unit, first)), Num(1.0f));
+      Select(scale > Num(0.0f), Min(Num(1.0f), estimate * scale * At(in.path.unit, first)), Num(1.0f));
   const Num u = At(in.random.light_and_lobe.y, first);
   const Mask is_certain = survival >= Num(1.0f);
   const Mask survives = Or(is_certain, u < survival);
@@ -110,11 +114,11 @@ HWY_INLINE void TakeStep(const VertexLanes& in, size_t first, const BaseLobes& l
   const LobeSample step =
       lobes.Sample(u_lobe, {At(in.random.direction.x, first), At(in.random.direction.y, first)}, albedos);
   Put(estimate, first, &out->estimate);
-  Put(Where(survives, survival), first, &out->survival);
-  Put(step.direction, first, &out->direction);
-  Put(step.value.diffuse, first, &out->step_diffuse);
-  Put(step.value.non_diffuse, first, &out->step_non_diffuse);
-  Put(step.value.pdf, first, &out->pdf);
+  Put(Where(survives, survival), first, &out->step.survival);
+  Put(step.direction, first, &out->step.direction);
+  Put(step.value.diffuse, first, &out->step.diffuse);
+  Put(step.value.non_diffuse, first, &out->step.non_diffuse);
+  Put(step.value.pdf, first, &out->step.pdf);
 }
 
 using BitsTag = hn::RebindToUnsigned<LaneTag>;

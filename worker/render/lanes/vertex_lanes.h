@@ -44,36 +44,64 @@ struct RandomLanes {
   LanePair light_and_lobe, light_point, direction;
 };
 
-/// What is known of the vertices of some paths before they are shaded. Rows are indexed by path.
-struct alignas(64) VertexLanes {
-  // The surface; see Surface.
+/// See Surface.
+struct SurfaceLanes {
   LaneVec position, normal, geometric, to_viewer;
   LaneRow epsilon;
-  // The material; see BaseMaterial.
+};
+
+/// See BaseMaterial.
+struct MaterialLanes {
   LaneVec base_color, f0;
   LaneRow f90, metallic, base_weight, alpha, root_alpha, dielectric_f0, dielectric_f90, mean_albedo;
-  // The path: its throughput, and Russian roulette, see Roulette::Survival.
+};
+
+/// A path's throughput, and Russian roulette, see Roulette::Survival.
+struct ThroughputLanes {
   LaneVec throughput;
-  LaneRow roulette_scale, roulette_unit;  // whose product times the throughput it survives; 0: it goes on
-  RandomLanes random;
-  // The light that was picked: a triangle.
-  LaneVec corner, edge1, edge2, light_normal, radiance;
+  LaneRow scale, unit;  // whose product times the throughput it survives; 0: it goes on
+};
+
+/// A triangle that was picked as the light; see LightTriangle.
+struct TriangleLanes {
+  LaneVec corner, edge1, edge2, normal;
   LaneRow inverse_area, probability, both_sides;
-  // Or, where `is_sampled` is 1, a light sample; see LightSample. Its radiance is in `radiance`.
-  LaneVec light_direction;
-  LaneRow is_sampled, light_pdf, light_distance, is_delta;
+};
+
+/// The light, and where `is_sampled` is 1 the sample of it, which then is no triangle's; see LightSample.
+struct LightLanes {
+  LaneVec radiance, direction;
+  LaneRow is_sampled, pdf, distance, is_delta;
+};
+
+/// What is known of the vertices of some paths before they are shaded. Rows are indexed by path.
+struct alignas(64) VertexLanes {
+  SurfaceLanes surface;
+  MaterialLanes material;
+  ThroughputLanes path;
+  RandomLanes random;
+  TriangleLanes triangle;
+  LightLanes light;
+};
+
+/// A light sample with its shadow ray; light is 0 where there is none. See Connection.
+struct ConnectionLanes {
+  LaneVec light, non_diffuse, origin, direction;
+  LaneRow diffuse, distance;
+};
+
+/// The next step; `survival` is 0 where the path ends, and pdf is 0 where no direction was found.
+struct StepLanes {
+  LaneVec direction, non_diffuse;
+  LaneRow survival, diffuse, pdf;
 };
 
 /// What becomes of them.
 struct alignas(64) ShadedLanes {
   LaneVec diffuse_albedo, glossy_albedo;
-  LaneRow has_diffuse, estimate, has_facets;
-  // The light sample; light is 0 where there is none.
-  LaneVec light, non_diffuse, shadow_origin, shadow_direction;
-  LaneRow diffuse, shadow_distance;
-  // The next step; `survival` is 0 where the path ends, and pdf is 0 where no direction was found.
-  LaneVec direction, step_non_diffuse;
-  LaneRow survival, step_diffuse, pdf;
+  LaneRow has_diffuse, has_facets, estimate;  // see Path::estimate
+  ConnectionLanes connection;
+  StepLanes step;
 };
 
 /// Draws the numbers of the first `count` paths: those of Sampler::Get2D.

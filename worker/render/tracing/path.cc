@@ -20,15 +20,15 @@ void Demodulate(Vec3 radiance, LayerSample* out) {
 void Path::LeaveByDelta(const Surface& surface, const BsdfSample& event) {
   throughput *= event.weight.non_diffuse;
   if (vertex == 0) branch = event.transmitted ? layers::Branch::kTransmission : layers::Branch::kReflection;
-  is_direct_only = false;
+  options.is_direct_only = false;
   Leave(surface, event);
-  if (vertex > levels) Begin(PathPart::kTail, throughput);
+  if (vertex > options.levels) Begin(PathPart::kTail, throughput);
 }
 
 void Path::AddEmission(Vec3 radiance) {
   const Vec3 arriving = throughput * radiance;
   if (part != PathPart::kSeen) {
-    (has_scattered ? incident.indirect : incident.direct) += arriving;
+    (incident.has_scattered ? incident.indirect : incident.direct) += arriving;
     return;
   }
   (vertex == 0 ? out->emitted : out->levels.Set({branch, vertex}).emitted) = arriving;

@@ -101,6 +101,15 @@ struct IncidentRadiance {
   Vec3 indirect;  // scattered there at least once
   float first_distance =
       0;  // metres to the first surface that is not a clear pane; infinity if there is none
+  bool has_scattered = false;  // the path, since the part began
+};
+
+/// What is wanted of a path.
+struct PathOptions {
+  int levels = 0;               // that are kept apart
+  bool is_recorded = false;     // no Russian roulette
+  bool is_single = false;       // at smooth glass, too, one delta event is sampled
+  bool is_direct_only = false;  // of the first surface's diffuse light only the direct part
 };
 
 /// A path of a camera sample, between two surfaces.
@@ -110,23 +119,19 @@ struct Path {
   float pdf = 0;        // density with which the direction was sampled there; 0 for a delta event
   int vertex = 0;       // number of the next vertex, 0 being the camera's surface
   int scatterings = 0;  // the same, but clear panes in its present part do not count
-  int levels = 0;       // that are kept apart
   PathSampler random;
+  PathOptions options;
   PathPart part = PathPart::kSeen;
-  bool has_scattered = false;                           // since its part began
   layers::Branch branch = layers::Branch::kReflection;  // of its levels
-  bool is_recorded = false;                             // no Russian roulette
-  bool is_single = false;                               // at smooth glass, too, one delta event is sampled
-  bool is_direct_only = false;  // of the first surface's diffuse light only the direct part is wanted
-  Vec3 throughput = {1, 1, 1};  // since its part began
-  Vec3 before = {1, 1, 1};      // up to there
-  float estimate = 0;           // of the greatest channel of its throughput after the last vertex
+  Vec3 throughput = {1, 1, 1};                          // since its part began
+  Vec3 before = {1, 1, 1};                              // up to there
+  float estimate = 0;  // of the greatest channel of its throughput after the last vertex
   SeenSurface seen;
   IncidentRadiance incident;  // of its part, if that is not kSeen
   LayerSample* out;
 
-  Path(const Ray& camera_ray, const Sampler& sampler, int level_count, LayerSample* sample)
-      : ray(camera_ray), levels(level_count), random(sampler), out(sample) {}
+  Path(const Ray& camera_ray, const Sampler& sampler, int levels, LayerSample* sample)
+      : ray(camera_ray), random(sampler), options{.levels = levels}, out(sample) {}
 
   /// Continues behind a clear pane.
   void Pass(const Surface& pane, const BsdfSample& step) { pane.SpawnRay(step, random.Key(vertex++), &ray); }

@@ -66,7 +66,7 @@ void PathStream::Advance() {
 }
 
 void PathStream::Shade(size_t path, const Hit& hit) {
-  Kind kind = !hit.IsMiss() && tracer_->surfaces_.IsDiffuseOnly(hit.instance) ? kDiffuse : kBase;
+  size_t kind = hit.IsMiss() ? kRare : static_cast<size_t>(tracer_->surfaces_.KindOf(hit.instance));
   Vertex* vertex = &queues_[kind].vertices[queues_[kind].count];
   if (!tracer_->Reach(hit, &paths_[path], &vertex->surface)) {
     ended_.push_back(path);
@@ -76,13 +76,14 @@ void PathStream::Shade(size_t path, const Hit& hit) {
   vertex->hit = &hit;
   if (vertex->surface.values == nullptr) vertex->textured = tracer_->surfaces_.Shade(vertex->surface);
   BaseMaterial textured;
-  const BaseMaterial* material = tracer_->LaneMaterialOf(vertex->surface, vertex->material(), &textured);
-  if (material == nullptr) {
-    kind = kRare;
-    queues_[kRare].vertices[queues_[kRare].count] = *vertex;
-  } else {
+  const BaseMaterial* material =
+      kind == kRare ? nullptr : tracer_->LaneMaterialOf(vertex->surface, vertex->material(), &textured);
+  if (material != nullptr) {
     vertex->alpha = material->alpha;
     tracer_->SetLane(vertex->surface, *material, paths_[path], queues_[kind].count, &queues_[kind].lanes);
+  } else if (kind != kRare) {
+    kind = kRare;
+    queues_[kRare].vertices[queues_[kRare].count] = *vertex;
   }
   Queue& queue = queues_[kind];
   paths_[path].random.SetLane(paths_[path].vertex, queue.count, &queue.lanes.random);
@@ -116,7 +117,7 @@ void PathStream::Flush(size_t kind) {
 }
 
 void PathStream::FlushAll() {
-  for (size_t kind = 0; kind < kKinds; ++kind) Flush(kind);
+  for (size_t kind = 0; kind <= kRare; ++kind) Flush(kind);
 }
 
 Connection* PathStream::Open(size_t path) {

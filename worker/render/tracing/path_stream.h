@@ -47,7 +47,7 @@ class PathStream {
     std::array<Vertex, kMaxLanes> vertices;
     VertexLanes lanes;
   };
-  enum Kind : size_t { kDiffuse, kBase, kRare, kKinds };  // kRare has no lanes but for random numbers
+  static constexpr size_t kRare = static_cast<size_t>(SurfaceReader::Kind::kRare);
 
   /// Shades the end of a live path's ray, or puts it in a queue.
   void Shade(size_t path, const Hit& hit);
@@ -71,12 +71,13 @@ class PathStream {
   const PathTracer* tracer_;
   std::vector<Path> paths_;
   std::vector<std::span<const Ray>> packets_;  // rays of the packets' paths
+  std::vector<Path> branches_;                 // begin when the other paths have ended
+  std::vector<size_t> live_;                   // numbers of the paths that go on, in order
+  std::vector<size_t> ended_;                  // those that have ended and wait for their last light
   std::vector<const Ray*> rays_;
-  std::vector<Path> branches_;  // begin when the other paths have ended
-  std::vector<size_t> live_;    // numbers of the paths that go on, in order
-  std::vector<size_t> ended_;   // those that have ended and wait for their last light
   std::vector<Hit> hits_;
-  std::array<Queue, kKinds> queues_;
+  std::array<Queue, kRare + 1>
+      queues_;  // by SurfaceReader::Kind; rare ones have lanes for random numbers only
   ShadedLanes shaded_;
   std::vector<size_t> arriving_;  // the live paths before
   std::vector<Shadow> shadows_;   // the first lit_ of them are in use

@@ -169,11 +169,11 @@ bool PathTracer::Reach(const Hit& hit, Path* path, Surface* surface) const {
   if (path->part == PathPart::kSeen && path->vertex > 0) path->out->levels.Set({path->branch, path->vertex});
   path->estimate = -1;
   if (hit.IsMiss()) {
-    if (!path->has_scattered) path->incident.first_distance = std::numeric_limits<float>::infinity();
+    if (!path->incident.has_scattered) path->incident.first_distance = std::numeric_limits<float>::infinity();
     path->AddEmission(EmittedOnMiss(path->ray.direction, path->pdf));
     return false;
   }
-  if (!path->has_scattered) path->incident.first_distance += hit.distance;
+  if (!path->incident.has_scattered) path->incident.first_distance += hit.distance;
   surfaces_.Read(hit, path->ray, surface);
   if (path->vertex > 0) Attenuate(*surface, hit, &path->throughput);
   if (surface->is_emissive) path->AddEmission(EmittedOnHit(*surface, hit, *path));
@@ -194,14 +194,15 @@ bool PathTracer::Scatter(const Hit& hit, const Surface& surface, const SurfaceMa
     OpenSeen(hit, surface,
              {bsdf.DiffuseAlbedo(), bsdf.GlossyAlbedo(), bsdf.HasDiffuse(), bsdf.ReflectionAlpha()}, path);
   }
-  if (is_seen || !path->is_direct_only) SampleLight(surface, bsdf, random, *path, connection);
+  if (is_seen || !path->options.is_direct_only) SampleLight(surface, bsdf, random, *path, connection);
 
   float u_lobe = random.light_and_lobe.y;
   path->estimate = MaxComponent(path->before * path->throughput * bsdf.Albedo());
-  const float survival = path->is_recorded ? 1.0f : RouletteAt(*path).Survival(path->vertex, path->estimate);
+  const float survival =
+      path->options.is_recorded ? 1.0f : RouletteAt(*path).Survival(path->vertex, path->estimate);
   if (!Survives(survival, &u_lobe)) return false;
   const BsdfSample step = bsdf.Sample(u_lobe, random.direction);
-  if (is_seen && step.is_delta && path->vertex == 0 && !path->is_single && bsdf.IsSmoothGlass())
+  if (is_seen && step.is_delta && path->vertex == 0 && !path->options.is_single && bsdf.IsSmoothGlass())
     return TakeBothBranches(surface, bsdf, path, branches);
   return TakeStep(surface, bsdf.DiffuseAlbedo(), step, survival, path);
 }
@@ -216,9 +217,10 @@ bool PathTracer::TakeStep(const Surface& surface, Vec3 diffuse_albedo, const Bsd
     path->Pass(surface, step);
     return true;
   }
-  if (path->is_direct_only || (!plan_.emission_on_hits && path->scatterings >= max_bounces_)) return false;
+  if (path->options.is_direct_only || (!plan_.emission_on_hits && path->scatterings >= max_bounces_))
+    return false;
   path->Leave(surface, step);
-  path->has_scattered = true;
+  path->incident.has_scattered = true;
   return true;
 }
 
@@ -235,7 +237,7 @@ bool PathTracer::TakeSeenStep(const Surface& surface, Vec3 diffuse_albedo, BsdfS
   if (!plan_.emission_on_hits && path->vertex >= max_bounces_) return false;
   path->seen.weight = step.weight;
   path->seen.total_weight = TotalOf(step.weight, diffuse_albedo);
-  path->is_direct_only = path->is_direct_only && MaxComponent(step.weight.non_diffuse) <= 0;
+  path->options.is_direct_only = path->options.is_direct_only && MaxComponent(step.weight.non_diffuse) <= 0;
   path->Begin(PathPart::kLit, path->throughput * path->seen.total_weight);
   path->Leave(surface, step);
   return true;
@@ -243,7 +245,7 @@ bool PathTracer::TakeSeenStep(const Surface& surface, Vec3 diffuse_albedo, BsdfS
 
 const BaseMaterial* PathTracer::LaneMaterialOf(const Surface& surface, const SurfaceMaterial& material,
                                                BaseMaterial* textured) const {
-  if (strategy_ != LightStrategy::kCombined) return nullptr;
+  if (!uses_lanes_ || strategy_ != LightStrategy::kCombined) return nullptr;
   if (surface.values != nullptr) {
     const UniformMaterial& uniform = uniform_[surface.values - surfaces_.uniform().data()];
     return uniform.is_base_only ? &uniform.base : nullptr;
@@ -255,52 +257,52 @@ const BaseMaterial* PathTracer::LaneMaterialOf(const Surface& surface, const Sur
 
 void PathTracer::SetLane(const Surface& surface, const BaseMaterial& material, const Path& path, size_t lane,
                          VertexLanes* out) const {
-  out->position.Set(lane, surface.position);
-  out->normal.Set(lane, surface.normal);
-  out->geometric.Set(lane, surface.geometric);
-  out->to_viewer.Set(lane, -path.ray.direction);
-  out->epsilon[lane] = surface.epsilon;
-  out->base_color.Set(lane, material.base_color);
-  out->f0.Set(lane, material.f0);
-  out->f90[lane] = material.f90;
-  out->metallic[lane] = material.metallic;
-  out->base_weight[lane] = material.base_weight;
-  out->alpha[lane] = material.alpha;
-  out->root_alpha[lane] = material.root_alpha;
-  out->dielectric_f0[lane] = material.dielectric_f0;
-  out->dielectric_f90[lane] = material.dielectric_f90;
-  out->mean_albedo[lane] = material.mean_albedo;
-  out->throughput.Set(lane, path.before * path.throughput);
+  out->surface.position.Set(lane, surface.position);
+  out->surface.normal.Set(lane, surface.normal);
+  out->surface.geometric.Set(lane, surface.geometric);
+  out->surface.to_viewer.Set(lane, -path.ray.direction);
+  out->surface.epsilon[lane] = surface.epsilon;
+  out->material.base_color.Set(lane, material.base_color);
+  out->material.f0.Set(lane, material.f0);
+  out->material.f90[lane] = material.f90;
+  out->material.metallic[lane] = material.metallic;
+  out->material.base_weight[lane] = material.base_weight;
+  out->material.alpha[lane] = material.alpha;
+  out->material.root_alpha[lane] = material.root_alpha;
+  out->material.dielectric_f0[lane] = material.dielectric_f0;
+  out->material.dielectric_f90[lane] = material.dielectric_f90;
+  out->material.mean_albedo[lane] = material.mean_albedo;
+  out->path.throughput.Set(lane, path.before * path.throughput);
   const Roulette rule = RouletteAt(path);
-  out->roulette_scale[lane] = rule.Scale(path.vertex);
-  out->roulette_unit[lane] = rule.Unit();
+  out->path.scale[lane] = rule.Scale(path.vertex);
+  out->path.unit[lane] = rule.Unit();
 }
 
 void PathTracer::SetLightLane(const Surface& surface, const Path& path, size_t lane, VertexLanes* out) const {
   const LightReceiver receiver = {surface.position, surface.normal};
-  out->is_sampled[lane] = 1;
-  out->light_pdf[lane] = 0;
-  if (lights_.IsEmpty() || (path.is_direct_only && path.part != PathPart::kSeen)) return;
+  out->light.is_sampled[lane] = 1;
+  out->light.pdf[lane] = 0;
+  if (lights_.IsEmpty() || (path.options.is_direct_only && path.part != PathPart::kSeen)) return;
   const float u_light = out->random.light_and_lobe.x[lane];
   float probability = 0;
   if (const LightTriangle* light = lights_.PickPlainTriangle(receiver, u_light, &probability)) {
-    out->is_sampled[lane] = 0;
-    out->corner.Set(lane, light->corner);
-    out->edge1.Set(lane, light->edge1);
-    out->edge2.Set(lane, light->edge2);
-    out->light_normal.Set(lane, light->normal);
-    out->radiance.Set(lane, light->radiance);
-    out->inverse_area[lane] = light->inverse_area;
-    out->probability[lane] = probability;
-    out->both_sides[lane] = light->double_sided ? 1.0f : 0.0f;
+    out->light.is_sampled[lane] = 0;
+    out->triangle.corner.Set(lane, light->corner);
+    out->triangle.edge1.Set(lane, light->edge1);
+    out->triangle.edge2.Set(lane, light->edge2);
+    out->triangle.normal.Set(lane, light->normal);
+    out->light.radiance.Set(lane, light->radiance);
+    out->triangle.inverse_area[lane] = light->inverse_area;
+    out->triangle.probability[lane] = probability;
+    out->triangle.both_sides[lane] = light->double_sided ? 1.0f : 0.0f;
     return;
   }
   const LightSample sample = lights_.Sample(receiver, u_light, out->random.light_point.At(lane));
-  out->light_pdf[lane] = sample.pdf;
-  out->light_direction.Set(lane, sample.direction);
-  out->light_distance[lane] = sample.distance;
-  out->radiance.Set(lane, sample.radiance);
-  out->is_delta[lane] = sample.is_delta ? 1.0f : 0.0f;
+  out->light.pdf[lane] = sample.pdf;
+  out->light.direction.Set(lane, sample.direction);
+  out->light.distance[lane] = sample.distance;
+  out->light.radiance.Set(lane, sample.radiance);
+  out->light.is_delta[lane] = sample.is_delta ? 1.0f : 0.0f;
 }
 
 bool PathTracer::ScatterLane(const Hit& hit, const Surface& surface, float alpha, const ShadedLanes& shaded,
@@ -312,21 +314,21 @@ bool PathTracer::ScatterLane(const Hit& hit, const Surface& surface, float alpha
               shaded.has_facets[lane] > 0 ? alpha : 1.0f},
              path);
   }
-  connection->light = shaded.light.At(lane);
+  connection->light = shaded.connection.light.At(lane);
   if (!connection->IsBlack()) {
-    connection->value = {shaded.diffuse[lane], shaded.non_diffuse.At(lane)};
+    connection->value = {shaded.connection.diffuse[lane], shaded.connection.non_diffuse.At(lane)};
     SetFactor(diffuse_albedo, *path, connection);
-    connection->ray.origin = shaded.shadow_origin.At(lane);
-    connection->ray.direction = shaded.shadow_direction.At(lane);
-    connection->ray.max_distance = shaded.shadow_distance[lane];
+    connection->ray.origin = shaded.connection.origin.At(lane);
+    connection->ray.direction = shaded.connection.direction.At(lane);
+    connection->ray.max_distance = shaded.connection.distance[lane];
   }
   path->estimate = shaded.estimate[lane];
-  const float survival = shaded.survival[lane];
+  const float survival = shaded.step.survival[lane];
   if (survival <= 0) return false;
   BsdfSample step;
-  step.wi = shaded.direction.At(lane);
-  step.weight = {shaded.step_diffuse[lane], shaded.step_non_diffuse.At(lane)};
-  step.pdf = shaded.pdf[lane];
+  step.wi = shaded.step.direction.At(lane);
+  step.weight = {shaded.step.diffuse[lane], shaded.step.non_diffuse.At(lane)};
+  step.pdf = shaded.step.pdf[lane];
   step.valid = step.pdf > 0;
   return TakeStep(surface, diffuse_albedo, step, survival, path);
 }
@@ -381,7 +383,7 @@ void PathTracer::RecordIndirect(const Ray& ray, const Sampler& sampler, std::vec
   if (max_bounces_ == 0) return;
   LayerSample sample;
   Path path = StartPath(ray, sampler, &sample);
-  path.is_recorded = true;
+  path.options.is_recorded = true;
   Hit first;
   embree_->IntersectTogether({&ray, 1}, {&first, 1});
   Connection seen;  // its light is not indirect

@@ -83,10 +83,11 @@ class PathTracer {
   }
   /// What happens at the end of a path's ray: gathers the emission there, samples a light and the next
   /// direction. Returns whether the path goes on. `connection`, which must be black, receives the light
-  /// sample, without visibility. Smooth glass that the camera sees adds the path of its transmission to `branches`.
+  /// sample, without visibility. Smooth glass that the camera sees adds the path of its transmission to
+  /// `branches`.
   bool Shade(const Hit& hit, Path* path, Connection* connection, std::vector<Path>* branches) const;
-  /// The first part of Shade(): the emission. Returns whether the path may scatter at `surface`, which then is
-  /// set.
+  /// The first part of Shade(): the emission. Returns whether the path may scatter at `surface`, which then
+  /// is set.
   bool Reach(const Hit& hit, Path* path, Surface* surface) const;
   /// The rest.
   bool Scatter(const Hit& hit, const Surface& surface, const SurfaceMaterial& material,
@@ -145,7 +146,8 @@ class PathTracer {
   Visibility visibility_;
   int max_bounces_;
   TracingPlan plan_;
-  LightStrategy strategy_ = LightStrategy::kCombined;
+  LightStrategy strategy_ = LightStrategy::kCombined;  // another one has no lanes
+  bool uses_lanes_ = true;
 };
 
 }  // namespace lumifold::render

@@ -39,6 +39,13 @@ bool HasTextures(const scene::Material& material) {
                      [](const scene::TextureUse& use) { return use.ref->texture != scene::kNone; });
 }
 
+SurfaceReader::Kind KindOfMaterial(const scene::Material& m) {
+  using Kind = SurfaceReader::Kind;
+  if (m.transmission.factor > 0 || m.clearcoat.factor > 0 || MaxComponent(m.sheen.color) > 0)
+    return Kind::kRare;
+  return m.base.metallic > 0 || m.specular.factor > 0 ? Kind::kBase : Kind::kDiffuse;
+}
+
 /// Whether all vertex normals equal the face normals, or there are none.
 bool IsFlat(const Mesh& mesh) {
   constexpr float kMinCosine = 1.0f - 0x1p-20f;
@@ -92,9 +99,7 @@ SurfaceReader::InstanceData SurfaceReader::DataOf(const scene::Scene& scene, siz
   data.material = mesh.material == scene::kNone ? &default_material_ : &scene.materials[mesh.material];
   data.is_textured = HasTextures(*data.material);
   data.is_emissive = data.material->unlit || MaxComponent(data.material->emission.radiance) > 0;
-  const scene::Material& m = *data.material;
-  data.is_diffuse = m.base.metallic <= 0 && m.specular.factor <= 0 && m.transmission.factor <= 0 &&
-                    m.clearcoat.factor <= 0 && MaxComponent(m.sheen.color) <= 0;
+  data.kind = KindOfMaterial(*data.material);
   const bool is_uniform = !data.is_textured && mesh.colors.empty();
   data.is_plain = is_uniform && IsFlat(mesh);
   // The values of glass and coats depend on the side and the normal.

@@ -53,8 +53,13 @@ class SurfaceReader {
   /// The same in a place that may have held another surface.
   void Read(const Hit& hit, const Ray& ray, Surface* surface) const;
 
-  /// Whether the surfaces of an instance have no lobe but the diffuse one.
-  bool IsDiffuseOnly(int instance) const { return instances_[instance].is_diffuse; }
+  /// What lobes the surfaces of an instance have, as far as its material's factors tell.
+  enum class Kind : uint8_t {
+    kDiffuse,  // the diffuse one alone
+    kBase,     // perhaps rough reflection too
+    kRare,     // perhaps others
+  };
+  Kind KindOf(int instance) const { return instances_[instance].kind; }
 
   /// The material's values at the surface, with textures applied.
   SurfaceMaterial Shade(const Surface& surface) const;
@@ -74,8 +79,8 @@ class SurfaceReader {
     const scene::Affine* to_world = nullptr;
     bool is_textured = false;  // the material has textures
     bool is_emissive = false;  // the material emits
-    bool is_diffuse = false;   // the material has no lobe but the diffuse one
-    bool is_plain = false;     // flat, without textures and vertex colours: the face suffices
+    Kind kind = Kind::kDiffuse;
+    bool is_plain = false;  // flat, without textures and vertex colours: the face suffices
   };
 
   /// The data of a mesh, without a transform.

@@ -1,6 +1,5 @@
 #include "worker/render/renderer.h"
 
-#include <array>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -9,6 +8,7 @@
 #include "render_sources.h"
 #include "worker/render/geometry/fragments.h"
 #include "worker/render/geometry/geometry_unit.h"
+#include "worker/render/sample_batch.h"
 #include "worker/render/tracing/pass_sums.h"
 #include "worker/render/tracing/processor.h"
 
@@ -106,28 +106,14 @@ EdgedImage Renderer::RenderPass(const Rect& rect, int frame, const TileSamples& 
   FragmentRows fragments(settings_.plan.layers);
   const std::shared_ptr<const EdgeMask> edges =
       fragments.IsCarried() ? EdgePixelsOf(rect, counts->stop) : std::make_shared<const EdgeMask>(rect);
-  std::array<LayerSample, PathTracer::kPacket> samples;
+  SampleBatch batch(tracer_, stream_packets_, {rect, edges.get(), &picture, &fragments, counts});
   const int64_t rays_before = RaysOfThread();
   for (int y = rect.y0; y < rect.y1; ++y) {
-    for (int x = rect.x0; x < rect.x1 && !counts->IsStopped(); ++x) {
-      PixelSums sums;
-      PixelFragments by_surface;
-      const bool is_edge = edges->Has(x, y);
-      ForEachPacket(x, y, frame, tile_samples.At(x - rect.x0, y - rect.y0), [&](const CameraPacket& packet) {
-        if (counts->IsStopped()) return false;
-        tracer_.Trace(packet.rays(), packet.samplers(), samples);
-        for (size_t i = 0; i < packet.size(); ++i) {
-          if (!counts->Add(IsFinite(samples[i]))) continue;
-          sums.Add(samples[i], packet.Index(i) & 1);
-          if (is_edge) by_surface.Add(samples[i], packet.Index(i) & 1);
-        }
-        return true;
-      });
-      picture.Store(x - rect.x0, y - rect.y0, sums);
-      if (is_edge) fragments.Add(x, y, by_surface.Sorted());
-    }
-    if (counts->rows != nullptr) counts->rows->fetch_add(1, std::memory_order_relaxed);
+    for (int x = rect.x0; x < rect.x1 && !counts->IsStopped(); ++x)
+      batch.Add(camera_, settings_.seed, frame, x, y, tile_samples.At(x - rect.x0, y - rect.y0));
+    batch.EndRow();
   }
+  batch.Trace();
   counts->rays += RaysOfThread() - rays_before;
   return {picture.Take(), {}, fragments.Make()};
 }

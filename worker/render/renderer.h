@@ -79,7 +79,7 @@ class Renderer {
   ///         and layers::LevelPassChannels of each level that any sample has reached. Fragments (see
   ///         EdgedImage) of the edge pixels of RenderGeometry, which are found by four rays a pixel where the
   ///         tile's mask is not kept; counts->rays has none of these.
-  /// Once counts->stop is true it returns within a packet of rays; the result is then incomplete.
+  /// Once counts->stop is true it returns within a few hundred samples; the result is then incomplete.
   EdgedImage RenderPass(const Rect& rect, int frame, const TileSamples& tile_samples,
                         RenderCounts* counts) const;
 
@@ -122,6 +122,7 @@ class Renderer {
   PathTracer tracer_;
   std::vector<std::string> warnings_;
   mutable EdgeMaskCache masks_;
+  size_t stream_packets_ = 32;  // that a pass traces together
 };
 
 }  // namespace lumifold::render

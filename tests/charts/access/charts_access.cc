@@ -6,7 +6,7 @@
 #include "filter/image/layers.h"
 #include "filter/image/portable_math.h"
 #include "worker/render/tracing/pass_sums.h"
-#include "worker/render/tracing/path_state.h"
+#include "worker/render/tracing/path_stream.h"
 #include "worker/render/tracing/processor.h"
 
 namespace lumifold::render {
@@ -25,9 +25,17 @@ void ChartsAccess::SetLightStrategy(LightStrategy strategy, Renderer* renderer) 
   renderer->tracer_.strategy_ = strategy;
 }
 
+void ChartsAccess::SetShading(Shading shading, Renderer* renderer) {
+  renderer->tracer_.uses_lanes_ = shading == Shading::kInLanes;
+}
+
+void ChartsAccess::SetStreamPackets(size_t packets, Renderer* renderer) {
+  renderer->stream_packets_ = packets;
+}
+
 void ChartsAccess::TraceSamples(const Rect& rect, int frame, SampleRange range,
                                 absl::FunctionRef<void(const SampleRecord&)> visit) const {
-  static_assert(kFirstSurfacePairs == PathTracer::PathSampler::kPairsPerSurface);
+  static_assert(kFirstSurfacePairs == PathSampler::kPairsPerSurface);
   const ScopedFloatEnvironment environment;
   std::array<LayerSample, PathTracer::kPacket> samples;
   std::array<GeometrySample, PathTracer::kPacket> geometry;
@@ -106,44 +114,40 @@ LayeredImage ChartsAccess::RenderGuide(const Rect& rect, int frame) const {
   return image;
 }
 
-Vec3 ChartsAccess::RadianceFrom(const PathTracer::FirstSurface<Bsdf>& first, const Sampler& sampler) const {
-  const PathTracer::PathSampler random(sampler);
-  const PathTracer::ScatteredRadiance scattered =
-      tracer().Scatter(first.surface, first.bsdf, first.connection, first.u_lobe, 0, {1, 1, 1}, random);
-  const Vec3 radiance = tracer().surfaces_.Emitted(first.surface) + scattered.total;
-  if (!scattered.delta_event.valid) return radiance;
-  const Vec3 weight = scattered.delta_event.weight.non_diffuse;
-  PathTracer::PathSegment next(first.surface, scattered.delta_event, random.Key(0));
-  const PathTracer::IncidentRadiance incident = tracer().TraceIncident<Bsdf>(&next, 1, weight, random);
-  return radiance + weight * (incident.direct + incident.indirect);
-}
-
 void ChartsAccess::TraceRadiance(std::span<const Ray> rays, std::span<const Sampler> samplers,
                                  std::span<Vec3> out) const {
-  const PathTracer::FirstSurfaces<Bsdf> surfaces = tracer().IntersectFirst<Bsdf>(rays, samplers);
-  for (size_t i = 0; i < rays.size(); ++i) {
-    out[i] = surfaces[i].has_value() ? RadianceFrom(*surfaces[i], samplers[i])
-                                     : tracer().EmittedOnMiss(rays[i].direction, 0);
-  }
+  std::array<LayerSample, PathTracer::kPacket> samples;
+  TraceAs(rays, samplers, samples, [](Path& path) {
+    path.options.levels = 0;
+    path.options.is_single = true;
+  });
+  for (size_t i = 0; i < rays.size(); ++i) out[i] = samples[i].combined;
 }
 
 void ChartsAccess::TraceWithoutIndirect(std::span<const Ray> rays, std::span<const Sampler> samplers,
                                         std::span<LayerSample> out,
                                         std::span<std::optional<Surface>> diffuse) const {
-  const PathTracer::FirstSurfaces<Bsdf> surfaces = tracer().IntersectFirst<Bsdf>(rays, samplers);
+  TraceAs(rays, samplers, out, [](Path& path) { path.options.is_direct_only = true; });
   for (size_t i = 0; i < rays.size(); ++i) {
-    out[i].Clear();
-    diffuse[i].reset();
-    if (!surfaces[i].has_value()) {
-      tracer().TraceMiss(rays[i], &out[i]);
-      continue;
-    }
-    tracer().TraceLayers(*surfaces[i], samplers[i], PathTracer::Indirect::kLeftOut, &out[i]);
     // Paths that were traced for their glossy light carry indirect light too.
     out[i].combined = out[i].combined - out[i].indirect * out[i].albedo;
     out[i].indirect = {};
-    if (surfaces[i]->bsdf.HasDiffuse()) diffuse[i] = surfaces[i]->surface;
+    diffuse[i].reset();
+    if (MaxComponent(out[i].albedo) > 0) diffuse[i] = FirstDiffuseSurface(rays[i]);
   }
+}
+
+void ChartsAccess::TraceAs(std::span<const Ray> rays, std::span<const Sampler> samplers,
+                           std::span<LayerSample> out, absl::FunctionRef<void(Path&)> set) const {
+  std::vector<Path> paths;
+  for (size_t i = 0; i < rays.size(); ++i) {
+    out[i].Clear();
+    paths.push_back(tracer().StartPath(rays[i], samplers[i], &out[i]));
+    set(paths.back());
+  }
+  PathStream stream(tracer());
+  stream.Add(rays, paths);
+  stream.Run();
 }
 
 std::optional<Surface> ChartsAccess::FirstDiffuseSurface(const Ray& ray) const {
@@ -156,13 +160,15 @@ std::optional<Surface> ChartsAccess::FirstDiffuseSurface(const Ray& ray) const {
 
 IndirectRadiance ChartsAccess::TraceIndirect(const Surface& surface, Vec3 direction,
                                              const Sampler& sampler) const {
-  const PathTracer::PathSampler random(sampler);
+  LayerSample unused;
+  Path path = tracer().StartPath({}, sampler, &unused);
   BsdfSample step;
   step.wi = direction;
   step.pdf = Dot(direction, surface.normal) / kPi;
-  PathTracer::PathSegment next(surface, step, random.Key(0));
-  const PathTracer::IncidentRadiance incident = tracer().TraceIncident<Bsdf>(&next, 1, {1, 1, 1}, random);
-  return {incident.indirect, incident.first_distance};
+  path.Begin(PathPart::kLit, {1, 1, 1});
+  path.Leave(surface, step);
+  tracer().Follow(&path, nullptr);
+  return {path.incident.indirect, path.incident.first_distance};
 }
 
 }  // namespace lumifold::render

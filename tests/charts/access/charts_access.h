@@ -52,6 +52,12 @@ class ChartsAccess {
   /// Replaces the light strategy with which `renderer` traces.
   static void SetLightStrategy(LightStrategy strategy, Renderer* renderer);
 
+  /// Whether vertices are shaded side by side where they can be. The bits are the same.
+  enum class Shading { kInLanes, kAlone };
+  static void SetShading(Shading shading, Renderer* renderer);
+  /// Sets how many packets of samples a pass traces together. The bits are the same.
+  static void SetStreamPackets(size_t packets, Renderer* renderer);
+
   /// Traces the samples that Renderer::RenderPass would trace and calls visit for each, pixel by pixel, also
   /// for those that are not finite.
   void TraceSamples(const Rect& rect, int frame, SampleRange range,
@@ -86,7 +92,9 @@ class ChartsAccess {
  private:
   const PathTracer& tracer() const { return renderer_->tracer_; }
   Ray CentreRay(int x, int y, const Sampler& sampler) const;
-  Vec3 RadianceFrom(const PathTracer::FirstSurface<Bsdf>& first, const Sampler& sampler) const;
+  /// PathTracer::Trace of paths that `set` has changed.
+  void TraceAs(std::span<const Ray> rays, std::span<const Sampler> samplers, std::span<LayerSample> out,
+               absl::FunctionRef<void(Path&)> set) const;
 
   const Renderer* renderer_;
 };

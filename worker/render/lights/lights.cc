@@ -113,7 +113,7 @@ void LightSet::AddInstance(const scene::Scene& scene, int index, const TextureSa
 void LightSet::AddTriangle(const scene::Mesh& mesh, size_t first_index,
                            const scene::Affine& world_from_object, double luminance,
                            std::vector<double>* powers) {
-  Triangle light;
+  LightTriangle light;
   Vec3 p[3];
   for (int c = 0; c < 3; ++c) {
     const uint32_t vertex = mesh.triangles[first_index + c];
@@ -163,7 +163,7 @@ EmitterBounds LightSet::BoundsOf(uint32_t emitter, double power) const {
                       std::max(bounds.box.max.z, p.z)};
   };
   if (emitter < triangles_.size()) {
-    const Triangle& light = triangles_[emitter];
+    const LightTriangle& light = triangles_[emitter];
     include(light.corner);
     include(light.corner + light.edge1);
     include(light.corner + light.edge2);
@@ -198,7 +198,17 @@ LightSample LightSet::Sample(const LightReceiver& from, float u_light, Vec2 u) c
   return SamplePunctual(points_[choice.emitter - triangles_.size()], probability, from.position);
 }
 
-LightSample LightSet::SampleTriangle(const Triangle& light, float probability, Vec3 from, Vec2 u) const {
+const LightTriangle* LightSet::PickPlainTriangle(const LightReceiver& from, float u_light,
+                                                 float* probability) const {
+  if (u_light >= finite_share_) return nullptr;
+  const LightTree::Choice choice = PickFinite(from, finite_share_ < 1 ? u_light / finite_share_ : u_light);
+  if (choice.probability <= 0 || choice.emitter >= triangles_.size()) return nullptr;
+  *probability = finite_share_ * choice.probability;
+  const LightTriangle& light = triangles_[choice.emitter];
+  return light.IsPlain() ? &light : nullptr;
+}
+
+LightSample LightSet::SampleTriangle(const LightTriangle& light, float probability, Vec3 from, Vec2 u) const {
   const auto [b1, b2] = TrianglePoint(u);
   LightSample sample;
   const Vec3 to_light = light.corner + light.edge1 * b1 + light.edge2 * b2 - from;

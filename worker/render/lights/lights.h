@@ -23,6 +23,24 @@ struct LightSample {
   bool is_delta = false;  // a delta light (point, spot, directional): sampled directions cannot hit it
 };
 
+/// An emissive triangle.
+struct LightTriangle {
+  scene::Vec3 corner;
+  scene::Vec3 edge1;
+  scene::Vec3 edge2;
+  scene::Vec3 normal;
+  float inverse_area = 0;  // 0: no area
+  scene::Vec3 radiance;    // without texture
+  bool double_sided = false;
+  const scene::Material* textured = nullptr;  // its material, if that has an emission texture
+  const scene::Mesh* alpha_mesh = nullptr;    // its mesh, if the material is not opaque
+  uint32_t number = 0;                        // of the triangle in its mesh
+  scene::Vec2 uv[2][3];                       // [set][corner]
+
+  /// Whether it has the same radiance everywhere.
+  bool IsPlain() const { return textured == nullptr && alpha_mesh == nullptr; }
+};
+
 /// All lights of a scene: emissive triangles, punctual lights and the environment. One of them is sampled in
 /// proportion to power, or by a light tree if there are many. If there are both finite and infinite lights,
 /// each kind gets at least a quarter of the samples, because the power of infinite lights says little about
@@ -40,6 +58,10 @@ class LightSet {
   /// in [0, 1). The set must not be empty.
   LightSample Sample(const LightReceiver& from, float u_light, scene::Vec2 u) const;
 
+  /// The plain triangle of which Sample() returns a point for these arguments, and the probability of that;
+  /// null: it is another light, or none.
+  const LightTriangle* PickPlainTriangle(const LightReceiver& from, float u_light, float* probability) const;
+
   /// The density, per steradian at `from`, with which Sample() returns the point of this triangle at
   /// `distance`, where the direction has the cosine `cos_light` to its normal; 0 if it is no light.
   float DensityOfHit(const LightReceiver& from, int instance, uint32_t triangle, float distance,
@@ -53,19 +75,6 @@ class LightSet {
   }
 
  private:
-  struct Triangle {
-    scene::Vec3 corner;
-    scene::Vec3 edge1;
-    scene::Vec3 edge2;
-    scene::Vec3 normal;
-    float inverse_area = 0;  // 0: no area
-    scene::Vec3 radiance;    // without texture
-    bool double_sided = false;
-    const scene::Material* textured = nullptr;  // its material, if that has an emission texture
-    const scene::Mesh* alpha_mesh = nullptr;    // its mesh, if the material is not opaque
-    uint32_t number = 0;                        // of the triangle in its mesh
-    scene::Vec2 uv[2][3];                       // [set][corner]
-  };
   struct Powers;
 
   void AddInstance(const scene::Scene& scene, int index, const TextureSampler& textures,
@@ -78,13 +87,14 @@ class LightSet {
   LightTree::Choice PickFinite(const LightReceiver& from, float u_light) const;
   // Of a light that was picked with this probability. Each sample is built where the caller keeps it: a copy
   // of what was just written in parts waits for these stores.
-  LightSample SampleTriangle(const Triangle& light, float probability, scene::Vec3 from, scene::Vec2 u) const;
+  LightSample SampleTriangle(const LightTriangle& light, float probability, scene::Vec3 from,
+                             scene::Vec2 u) const;
   LightSample SamplePunctual(const PunctualEmitter& light, float probability, scene::Vec3 from) const;
   LightSample SampleInfinite(float u_light, scene::Vec2 u) const;
 
   const scene::Scene* scene_;
   const TextureSampler* textures_;
-  std::vector<Triangle> triangles_;
+  std::vector<LightTriangle> triangles_;
   std::vector<int64_t> first_of_instance_;  // index of the instance's first triangle, or -1
   std::vector<PunctualEmitter> points_;     // points and spots; finite emitters, numbered after the triangles
   std::vector<PunctualEmitter> directional_;

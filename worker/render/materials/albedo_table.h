@@ -26,6 +26,9 @@ class AlbedoTable {
   AlbedoTable() : AlbedoTable(Contents{}) {}
   explicit AlbedoTable(const Contents& contents);
 
+  /// What Lookup() interpolates: scale and bias of kSize cosines for each of kSize roughnesses.
+  const float* Nodes() const { return &table_[0][0].scale; }
+
   /// cos_o in [0, 1], alpha in [0, 1].
   DirectionalAlbedo Lookup(float cos_o, float alpha) const;
   /// The cosine-weighted mean of Lookup over the hemisphere.

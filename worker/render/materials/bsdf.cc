@@ -57,6 +57,29 @@ float CoatFresnel(float coat, float cos_h) {
 
 }  // namespace
 
+bool SurfaceMaterial::IsBaseOnly() const {
+  if (transmission > 0 || clearcoat > 0 || MaxComponent(sheen_color) > 0) return false;
+  return roughness * roughness >= kDeltaAlpha || IsDiffuseOnly();
+}
+
+BaseMaterial::BaseMaterial(const SurfaceMaterial& material, const AlbedoTable& table)
+    : base_color(material.base_color),
+      metallic(material.metallic),
+      base_weight((1.0f - material.metallic) * (1.0f - material.transmission)),
+      alpha(material.roughness * material.roughness),
+      root_alpha(std::sqrt(alpha)),
+      dielectric_f90(material.specular) {
+  const Vec3 normal = material.specular_color * NormalReflectance(material.ior);
+  const Vec3 dielectric =
+      Vec3{std::min(normal.x, 1.0f), std::min(normal.y, 1.0f), std::min(normal.z, 1.0f)} * material.specular;
+  dielectric_f0 = MaxComponent(dielectric);
+  f0 = dielectric * base_weight + base_color * metallic;
+  f90 = dielectric_f90 * base_weight + metallic;
+  if (dielectric_f90 <= 0) return;
+  const DirectionalAlbedo mean = table.Average(alpha);
+  mean_albedo = dielectric_f0 * mean.scale + dielectric_f90 * mean.bias;
+}
+
 Bsdf::Bsdf(const SurfaceMaterial& material, const AlbedoTable& table, Vec3 normal, Vec3 geometric, Vec3 wo)
     : table_(&table), frame_(normal), geometric_(geometric) {
   if (material.IsDiffuseOnly()) {
@@ -100,31 +123,22 @@ float Bsdf::AddSheen(const SurfaceMaterial& material, float share) {
 
 /// Adds metal and the diffuse base under its dielectric layer.
 void Bsdf::AddBase(const SurfaceMaterial& material) {
-  facets_.alpha = material.roughness * material.roughness;
+  const BaseMaterial base(material, *table_);
+  facets_.alpha = base.alpha;
   facets_.mirror = facets_.alpha < kDeltaAlpha;
-  const Vec3 f0 = material.specular_color * NormalReflectance(material.ior);
-  const Vec3 dielectric =
-      Vec3{std::min(f0.x, 1.0f), std::min(f0.y, 1.0f), std::min(f0.z, 1.0f)} * material.specular;
-  dielectric_.f0 = MaxComponent(dielectric);
-  dielectric_.f90 = material.specular;
+  facets_.f0 = base.f0;
+  facets_.f90 = {base.f90, base.f90, base.f90};
+  dielectric_ = {base.dielectric_f0, base.dielectric_f90, base.mean_albedo};
 
-  const float metal = material.metallic;
-  const float base_weight = (1.0f - metal) * (1.0f - material.transmission);
-  facets_.f0 = dielectric * base_weight + material.base_color * metal;
-  const float f90 = dielectric_.f90 * base_weight + metal;
-  facets_.f90 = {f90, f90, f90};
-
-  const DirectionalAlbedo seen = f90 > 0 ? table_->Lookup(wo_.z, facets_.alpha) : DirectionalAlbedo{};
+  const DirectionalAlbedo seen = base.f90 > 0 ? table_->Lookup(wo_.z, facets_.alpha) : DirectionalAlbedo{};
   float dielectric_albedo = 0;
   if (dielectric_.f90 > 0) {
-    const DirectionalAlbedo mean = table_->Average(facets_.alpha);
-    dielectric_.mean_albedo = dielectric_.f0 * mean.scale + dielectric_.f90 * mean.bias;
     dielectric_albedo = std::min(dielectric_.f0 * seen.scale + dielectric_.f90 * seen.bias, 1.0f);
   }
-  diffuse_albedo_ = material.base_color * (base_weight * (1.0f - dielectric_albedo));
+  diffuse_albedo_ = material.base_color * (base.base_weight * (1.0f - dielectric_albedo));
   facets_.albedo = facets_.mirror ? SchlickFresnel(facets_.f0, facets_.f90, wo_.z)
                                   : facets_.f0 * seen.scale + facets_.f90 * seen.bias;
-  if (metal > 0 && !facets_.mirror) CompensateMetal(material, seen);
+  if (base.metallic > 0 && !facets_.mirror) CompensateMetal(material, seen);
 }
 
 /// Scales metal's part of the albedo by 1 + F0 (1 - E) / E, with E the albedo at F0 = 1.

@@ -23,10 +23,29 @@ struct SurfaceMaterial {
   float clearcoat_roughness = 0;
   Vec3 coat_normal = {0, 0, 1};  // the coat's own shading normal, unit, on the viewer's side
 
+  /// Whether there are no lobes but the diffuse one and rough reflection by metal and dielectric layer.
+  bool IsBaseOnly() const;
   bool IsDiffuseOnly() const {
     return metallic <= 0 && specular <= 0 && transmission <= 0 && clearcoat <= 0 &&
            MaxComponent(sheen_color) <= 0;
   }
+};
+
+/// What a material alone determines of metal and of the diffuse base under its dielectric layer.
+struct BaseMaterial {
+  Vec3 base_color;
+  Vec3 f0;  // of metal and layer together
+  float f90 = 0;
+  float metallic = 0;
+  float base_weight = 0;  // of the diffuse base
+  float alpha = 1;
+  float root_alpha = 1;
+  float dielectric_f0 = 0;  // of the layer
+  float dielectric_f90 = 0;
+  float mean_albedo = 0;
+
+  BaseMaterial() = default;
+  BaseMaterial(const SurfaceMaterial& material, const AlbedoTable& table);
 };
 
 /// The BSDF's value for one direction, times the direction's cosine; split by lobe, as the layers need it.

@@ -15,9 +15,15 @@ struct Roulette {
   /// Probability with which a path goes on from vertex number `vertex`, the camera's surface being 0.
   /// `throughput` estimates that of the path after the next step; its greatest channel.
   float Survival(int vertex, float throughput) const {
-    if (percent == 0) return vertex >= 2 ? std::min(1.0f, throughput) : 1.0f;
-    return vertex >= 1 ? std::min(1.0f, throughput * static_cast<float>(percent) * 0.01f) : 1.0f;
+    const float scale = Scale(vertex);
+    return scale > 0 ? std::min(1.0f, throughput * scale * Unit()) : 1.0f;
   }
+  /// Both times the throughput are the probability; 0: the path goes on.
+  float Scale(int vertex) const {
+    if (percent == 0) return vertex >= 2 ? 1.0f : 0.0f;
+    return vertex >= 1 ? static_cast<float>(percent) : 0.0f;
+  }
+  float Unit() const { return percent == 0 ? 1.0f : 0.01f; }
 
   friend bool operator==(const Roulette&, const Roulette&) = default;
 };

@@ -44,20 +44,6 @@ constexpr uint64_t KeyOf(uint64_t seed, int frame, int64_t pixel, uint32_t half)
   return MixBits(MixBits(frame_key) + static_cast<uint64_t>(pixel));
 }
 
-/// The seeds of the three scrambles of a dimension pair.
-struct PairSeeds {
-  uint32_t shuffle;
-  uint32_t x;
-  uint32_t y;
-
-  PairSeeds(uint64_t key, uint32_t pair) {
-    const uint64_t bits = MixBits(key + 0x9e3779b97f4a7c15u * (pair + 1));
-    shuffle = static_cast<uint32_t>(bits);
-    x = static_cast<uint32_t>(bits >> 32);
-    y = x * 0x9e3779b1u + shuffle;
-  }
-};
-
 // The same for eight samples at once. Functions work in place, because vectors wider than the machine's
 // cannot be passed by value.
 constexpr uint32_t kLanes = DrawnPairs::kSamples;
@@ -103,11 +89,11 @@ using FloatLanes [[gnu::vector_size(sizeof(uint32_t) * kLanes)]] = float;
   Lanes reversed = number >> 1;
   ReverseBitsOf(reversed);
   for (uint32_t pair = 0; pair < DrawnPairs::kPairs; ++pair) {
-    const PairSeeds even(keys[0], pair);
-    const PairSeeds odd(keys[1], pair);
+    const Sampler::Seeds even(keys[0], pair);
+    const Sampler::Seeds odd(keys[1], pair);
     const Lanes shuffle_seed = (Lanes{} + even.shuffle) ^ (is_odd & (even.shuffle ^ odd.shuffle));
-    const Lanes x_seed = (Lanes{} + even.x) ^ (is_odd & (even.x ^ odd.x));
-    const Lanes y_seed = (Lanes{} + even.y) ^ (is_odd & (even.y ^ odd.y));
+    const Lanes x_seed = (Lanes{} + even.scramble) ^ (is_odd & (even.scramble ^ odd.scramble));
+    const Lanes y_seed = (Lanes{} + even.Second()) ^ (is_odd & (even.Second() ^ odd.Second()));
     Lanes x = reversed;
     ScrambleLanes(shuffle_seed, x);
     ReverseBitsOf(x);
@@ -143,11 +129,11 @@ Sampler::Sampler(uint64_t seed, int frame, int64_t pixel, uint32_t index)
     : key_(KeyOf(seed, frame, pixel, index & 1u)), index_(index >> 1), reversed_index_(ReverseBits(index_)) {}
 
 scene::Vec2 Sampler::Draw(uint32_t pair) const {
-  const PairSeeds seeds(key_, pair);
+  const Seeds seeds(key_, pair);
   const uint32_t index = ReverseBits(ScrambleReversed(reversed_index_, seeds.shuffle));
   // Sobol's first dimension is the bit-reversed index; reversed again it is the index itself.
-  const uint32_t x = ReverseBits(ScrambleReversed(index, seeds.x));
-  const uint32_t y = ReverseBits(ScrambleReversed(SobolSecondReversed(index), seeds.y));
+  const uint32_t x = ReverseBits(ScrambleReversed(index, seeds.scramble));
+  const uint32_t y = ReverseBits(ScrambleReversed(SobolSecondReversed(index), seeds.Second()));
   return {UnitFloat(x), UnitFloat(y)};
 }
 

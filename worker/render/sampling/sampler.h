@@ -10,7 +10,7 @@ namespace lumifold::render {
 
 /// The first dimension pairs of several samples, computed together.
 struct DrawnPairs {
-  static constexpr uint32_t kPairs = 7;  // of the camera and of a path's first two surfaces
+  static constexpr uint32_t kPairs = 1;  // of the camera; paths draw theirs with those of other paths
   static constexpr uint32_t kSamples = 8;
 
   float x[kPairs][kSamples];
@@ -33,6 +33,22 @@ class Sampler {
       return {drawn_->x[pair][lane_], drawn_->y[pair][lane_]};
     return Draw(pair);
   }
+
+  /// What Get2D() computes a pair from, together with the sample's index in its half, bits reversed.
+  struct Seeds {
+    uint32_t shuffle;
+    uint32_t scramble;  // of the first coordinate
+
+    Seeds(uint64_t key, uint32_t pair) {
+      const uint64_t bits = MixBits(key + 0x9e3779b97f4a7c15u * (pair + 1));
+      shuffle = static_cast<uint32_t>(bits);
+      scramble = static_cast<uint32_t>(bits >> 32);
+    }
+    /// Of the second coordinate.
+    uint32_t Second() const { return scramble * 0x9e3779b1u + shuffle; }
+  };
+  Seeds SeedsOf(uint32_t pair) const { return Seeds(key_, pair); }
+  uint32_t reversed_index() const { return reversed_index_; }
 
   /// Random key: a number unique to the pair and the sample. Its bits are not random until hashed by MixBits.
   uint64_t Key(uint32_t pair) const { return key_ + ((uint64_t{index_} << 32) | pair); }

@@ -87,21 +87,25 @@ struct HitContext {
 };
 
 /// Embree's hit in the scene's terms. For a mesh in world space the geometry's id is the instance.
-Hit HitOf(const HitContext& hit_context, const RTCHit& embree, float distance) {
+void SetHit(const HitContext& hit_context, const RTCHit& embree, float distance, Hit* hit) {
   const bool instanced = embree.instID[0] != RTC_INVALID_GEOMETRY_ID;
-  Hit hit;
-  hit.instance = static_cast<int>(instanced ? embree.instID[0] : embree.geomID);
-  hit.triangle = embree.primID;
-  hit.u = embree.u;
-  hit.v = embree.v;
-  hit.distance = distance;
+  hit->instance = static_cast<int>(instanced ? embree.instID[0] : embree.geomID);
+  hit->triangle = embree.primID;
+  hit->u = embree.u;
+  hit->v = embree.v;
+  hit->distance = distance;
   const Vec3 normal = {embree.Ng_x, embree.Ng_y, embree.Ng_z};
   if (instanced) {
-    hit.face_normal = hit_context.scene->instances[hit.instance].world_from_object.Normal(normal);
+    hit->face_normal = hit_context.scene->instances[hit->instance].world_from_object.Normal(normal);
   } else {
     // a mirroring transform has reversed the winding
-    hit.face_normal = hit_context.is_mirrored[hit.instance] != 0 ? -normal : normal;
+    hit->face_normal = hit_context.is_mirrored[hit->instance] != 0 ? -normal : normal;
   }
+}
+
+Hit HitOf(const HitContext& hit_context, const RTCHit& embree, float distance) {
+  Hit hit;
+  SetHit(hit_context, embree, distance, &hit);
   return hit;
 }
 
@@ -200,6 +204,21 @@ class EmbreeSceneImpl final : public EmbreeScene {
     Trace(world_.get(), &query, &context);
     if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
     return HitOf(hit_context_, query.hit, query.ray.tfar);
+  }
+
+  void IntersectEach(std::span<const Ray* const> rays, std::span<Hit> hits) const override {
+    QueryContext context(&hit_context_, {});
+    rays_of_thread += static_cast<int64_t>(rays.size());
+    for (size_t i = 0; i < rays.size(); ++i) {
+      context.rays = {rays[i], 1};
+      RTCRayHit query = {EmbreeRay(*rays[i]), {}};
+      Trace(world_.get(), &query, &context);
+      if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) {
+        hits[i].instance = scene::kNone;
+      } else {
+        SetHit(hit_context_, query.hit, query.ray.tfar, &hits[i]);
+      }
+    }
   }
 
   bool IsOccluded(const Ray& ray) const override {

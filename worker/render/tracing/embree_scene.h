@@ -61,6 +61,9 @@ class EmbreeScene {
   /// probability; the ray's random key and the triangle decide.
   virtual Hit Intersect(const Ray& ray) const = 0;
 
+  /// The same for rays that have nothing to do with each other.
+  virtual void IntersectEach(std::span<const Ray* const> rays, std::span<Hit> hits) const = 0;
+
   /// Whether a surface that is not OpacityClass::kTransparent lies on the ray before its max_distance.
   virtual bool IsOccluded(const Ray& ray) const = 0;
 

@@ -37,7 +37,7 @@ bool IsFinite(const LayerSample& s) {
   // In NaN and infinity all bits of the exponent are set. The colours are tested side by side, without a
   // branch for each.
   constexpr uint32_t kExponent = 0x7f800000;
-  std::array<uint32_t, offsetof(LayerSample, levels) / sizeof(float)> bits;
+  std::array<uint32_t, offsetof(LayerSample, first) / sizeof(float)> bits;
   std::memcpy(bits.data(), &s, sizeof(bits));
   uint32_t bad = 0;
   for (const uint32_t value : bits) bad |= static_cast<uint32_t>((value & kExponent) == kExponent);

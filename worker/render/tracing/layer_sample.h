@@ -71,8 +71,8 @@ struct LayerSample {
   scene::Vec3 glossy;    // G: light scattered by the first surface's glossy lobes, over S
   scene::Vec3 glossy_albedo;  // S: the directional albedo of those lobes
   scene::Vec3 remainder;      // all else: glossy lobes seen in mirrors, and light after the last level
-  ByLevel<LevelSample> levels;
   FirstHit first;
+  ByLevel<LevelSample> levels;
 
   void Clear() {
     combined = direct = indirect = albedo = emitted = glossy = glossy_albedo = remainder = {};

@@ -4,40 +4,56 @@
 #include <cmath>
 #include <limits>
 #include <utility>
+#include <vector>
 
 #include "filter/image/portable_math.h"
-#include "worker/render/materials/diffuse_bsdf.h"
 #include "worker/render/materials/lobes.h"
-#include "worker/render/tracing/path_state.h"
+#include "worker/render/tracing/path_stream.h"
 
 namespace lumifold::render {
 namespace {
 
-/// First dimension pair of the transmission branch: above all pairs that the reflection branch uses.
-constexpr uint32_t kTransmissionPairs = 1u << 16;
-
-/// Vertices of a recorded path: there may be a thousand bounces, and next to no light comes from beyond
-/// these.
-constexpr size_t kMaxRecordedVertices = 16;
-
-/// Glossy radiance is not divided by a directional albedo below this.
-constexpr float kMinGlossyAlbedo = 1e-6f;
-
 /// The value of all lobes.
-template <typename BsdfType>
-Vec3 TotalOf(const BsdfValue& value, const BsdfType& bsdf) {
-  const Vec3 diffuse = bsdf.DiffuseAlbedo() * value.diffuse;
-  if constexpr (BsdfType::kDiffuseOnly) {
-    return diffuse;
-  } else {
-    return diffuse + value.non_diffuse;
-  }
+Vec3 TotalOf(const BsdfValue& value, Vec3 diffuse_albedo) {
+  return diffuse_albedo * value.diffuse + value.non_diffuse;
 }
 
-/// Builds the shadow ray from `surface` to the light sample; `ray` must be new.
+/// Sets what a connection's light is multiplied with.
+void SetFactor(Vec3 diffuse_albedo, const Path& path, Connection* connection) {
+  connection->is_seen = path.part == PathPart::kSeen;
+  const Vec3 total = TotalOf(connection->value, diffuse_albedo);
+  connection->factor = connection->is_seen ? total : path.throughput * total;
+}
+
+/// What layers need of a surface that is seen.
+struct SeenLobes {
+  Vec3 diffuse_albedo;
+  Vec3 glossy_albedo;
+  bool has_diffuse;
+  float roughness;
+};
+
+void OpenSeen(const Hit& hit, const Surface& surface, const SeenLobes& lobes, Path* path) {
+  path->seen.is_open = true;
+  path->seen.depth = path->vertex;
+  path->seen.throughput = path->throughput;
+  path->seen.direct = path->seen.glossy = path->seen.total = {};
+  if (path->vertex > 0) {
+    LevelSample& level = path->out->levels.Set({path->branch, path->vertex});
+    level.has_diffuse = lobes.has_diffuse;
+    level.albedo = path->throughput * lobes.diffuse_albedo;
+    return;
+  }
+  path->out->first = {hit.instance, surface.normal, hit.distance, lobes.roughness};
+  path->out->albedo = lobes.diffuse_albedo;
+  path->out->glossy_albedo = lobes.glossy_albedo;
+}
+
+/// Builds the shadow ray from `surface` to the light sample.
 void SetShadowRay(const Surface& surface, const LightSample& sample, Ray* ray) {
   ray->origin = surface.Offset(sample.direction);
   ray->direction = sample.direction;
+  ray->max_distance = std::numeric_limits<float>::infinity();
   if (std::isinf(sample.distance)) return;
   constexpr float kBeforeLight = 1.0f - 0x1p-12f;  // the light must not occlude itself
   // Towards the sampled point itself: a ray parallel to sample.direction, but from the offset origin, hits a
@@ -71,19 +87,6 @@ bool Survives(float survival, float* u) {
   return true;
 }
 
-/// Stores glossy radiance as G and S. Channels whose S is too small go to the remainder.
-void Demodulate(Vec3 radiance, Vec3 albedo, LayerSample* out) {
-  const auto over = [](float value, float by) { return by > kMinGlossyAlbedo ? value / by : 0.0f; };
-  const auto rest = [](float value, float by) { return by > kMinGlossyAlbedo ? 0.0f : value; };
-  out->glossy_albedo = albedo;
-  out->glossy = {over(radiance.x, albedo.x), over(radiance.y, albedo.y), over(radiance.z, albedo.z)};
-  out->remainder = {rest(radiance.x, albedo.x), rest(radiance.y, albedo.y), rest(radiance.z, albedo.z)};
-}
-
-layers::Branch BranchOf(const BsdfSample& event) {
-  return event.transmitted ? layers::Branch::kTransmission : layers::Branch::kReflection;
-}
-
 }  // namespace
 
 PathTracer::PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
@@ -93,14 +96,16 @@ PathTracer::PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
       textures_(scene, mips),
       surfaces_(scene, textures_),
       lights_(scene, textures_, std::move(environment)),
-      diffuse_only_(plan.diffuse_code && IsDiffuseOnly(scene)),
-      albedo_table_(diffuse_only_ ? AlbedoTable::Contents{.reflection = false} : AlbedoContentsOf(scene)),
+      albedo_table_(plan.diffuse_code && IsDiffuseOnly(scene) ? AlbedoTable::Contents{.reflection = false}
+                                                              : AlbedoContentsOf(scene)),
       visibility_(scene, embree, surfaces_, albedo_table_),
       max_bounces_(max_bounces),
-      plan_(plan) {}
+      plan_(plan) {
+  for (const SurfaceMaterial& material : surfaces_.uniform())
+    uniform_.push_back({BaseMaterial(material, albedo_table_), material.IsBaseOnly()});
+}
 
-template <typename BsdfType>
-BsdfType PathTracer::MakeBsdf(const Surface& surface, Vec3 wo) const {
+Bsdf PathTracer::MakeBsdf(const Surface& surface, Vec3 wo) const {
   if (surface.values != nullptr)
     return {*surface.values, albedo_table_, surface.normal, surface.geometric, wo};
   return {surfaces_.Shade(surface), albedo_table_, surface.normal, surface.geometric, wo};
@@ -116,56 +121,29 @@ float PathTracer::LightSampleWeight(const LightSample& sample, float bsdf_pdf) c
   return strategy_ == LightStrategy::kCombined ? 1.0f / (sample.pdf + bsdf_pdf) : 0.0f;
 }
 
-template <typename BsdfType>
-PathTracer::Connection PathTracer::SampleLight(const Surface& surface, const BsdfType& bsdf, float u_light,
-                                               const PathSampler& random, int vertex) const {
-  Connection out;
-  if (lights_.IsEmpty() || !bsdf.HasNonDeltaLobe()) return out;
+void PathTracer::SampleLight(const Surface& surface, const Bsdf& bsdf, const VertexNumbers& random,
+                             const Path& path, Connection* out) const {
+  if (lights_.IsEmpty() || !bsdf.HasNonDeltaLobe()) return;
   const LightSample sample =
-      lights_.Sample(ReceiverAt(surface), u_light, random.Get2D(vertex, PathSampler::kLightPoint));
-  if (sample.pdf <= 0) return out;
+      lights_.Sample({surface.position, surface.normal}, random.light_and_lobe.x, random.light_point);
+  if (sample.pdf <= 0) return;
   float bsdf_pdf = 0;
-  out.value = bsdf.Evaluate(sample.direction, &bsdf_pdf);
-  if (out.value.diffuse <= 0 && (BsdfType::kDiffuseOnly || MaxComponent(out.value.non_diffuse) <= 0))
-    return out;
-  out.light = sample.radiance * LightSampleWeight(sample, bsdf_pdf);
-  SetShadowRay(surface, sample, &out.ray);
-  return out;
+  out->value = bsdf.Evaluate(sample.direction, &bsdf_pdf);
+  if (out->value.diffuse <= 0 && MaxComponent(out->value.non_diffuse) <= 0) return;
+  SetFactor(bsdf.DiffuseAlbedo(), path, out);
+  out->light = sample.radiance * LightSampleWeight(sample, bsdf_pdf);
+  SetShadowRay(surface, sample, &out->ray);
 }
 
-template <typename BsdfType>
-PathTracer::Connection PathTracer::ConnectToLight(const Surface& surface, const BsdfType& bsdf, float u_light,
-                                                  const PathSampler& random, int vertex) const {
-  Connection out = SampleLight(surface, bsdf, u_light, random, vertex);
-  if (!out.IsBlack()) out.light *= visibility_.Transmittance(out.ray);
-  return out;
-}
-
-template <typename BsdfType>
-void PathTracer::ApplyVisibility(FirstSurfaces<BsdfType>* surfaces) const {
-  std::array<Connection*, kPacket> connections;
-  std::array<Ray, kPacket> rays;
-  size_t count = 0;
-  for (std::optional<FirstSurface<BsdfType>>& first : *surfaces) {
-    if (!first.has_value() || first->connection.IsBlack()) continue;
-    rays[count] = first->connection.ray;
-    connections[count++] = &first->connection;
-  }
-  if (count == 0) return;
-  std::array<Vec3, kPacket> transmittances;
-  visibility_.Transmittances({rays.data(), count}, transmittances);
-  for (size_t i = 0; i < count; ++i) connections[i]->light *= transmittances[i];
-}
-
-Vec3 PathTracer::EmittedOnHit(const LightReceiver& from, const Surface& surface, const Hit& hit,
-                              Vec3 direction, float pdf) const {
+Vec3 PathTracer::EmittedOnHit(const Surface& surface, const Hit& hit, const Path& path) const {
   const Vec3 emitted = surfaces_.Emitted(surface);
-  if (pdf <= 0) return emitted;  // light sampling cannot generate this path
-  const float cos_light = std::abs(Dot(direction, surface.geometric));
-  const float distance = Length(surface.position - from.position);  // hit.distance starts at the last pane
-  const float light_pdf = lights_.DensityOfHit(from, hit.instance, hit.triangle, distance, cos_light);
+  if (path.pdf <= 0) return emitted;  // light sampling cannot generate this path
+  const float cos_light = std::abs(Dot(path.ray.direction, surface.geometric));
+  // hit.distance starts at the last pane
+  const float distance = Length(surface.position - path.from.position);
+  const float light_pdf = lights_.DensityOfHit(path.from, hit.instance, hit.triangle, distance, cos_light);
   if (light_pdf <= 0) return emitted;
-  return emitted * HitWeight(pdf, light_pdf);
+  return emitted * HitWeight(path.pdf, light_pdf);
 }
 
 Vec3 PathTracer::EmittedOnMiss(Vec3 direction, float pdf) const {
@@ -176,259 +154,241 @@ Vec3 PathTracer::EmittedOnMiss(Vec3 direction, float pdf) const {
   return radiance * HitWeight(pdf, light_pdf);
 }
 
-template <typename BsdfType>
-PathTracer::IncidentRadiance PathTracer::TraceIncident(PathSegment* segment, int vertex, Vec3 path_throughput,
-                                                       const PathSampler& random, Indirect indirect,
-                                                       std::vector<PathVertex>* record) const {
-  IncidentRadiance incident;
-  Vec3* emission = &incident.direct;  // where emission at the next hit is added
-  Vec3 throughput = {1, 1, 1};
-  int scatterings = vertex;  // clear panes do not count
-  for (;; ++vertex) {
-    const Hit hit = embree_->Intersect(segment->ray);
-    const bool is_first = emission == &incident.direct;
-    if (hit.IsMiss()) {
-      *emission += throughput * EmittedOnMiss(segment->ray.direction, segment->pdf);
-      if (is_first) incident.first_distance = std::numeric_limits<float>::infinity();
-      return incident;
-    }
-    if (is_first) incident.first_distance += hit.distance;
-    const Surface surface = surfaces_.Read(hit, segment->ray);
-    Attenuate(surface, hit, &throughput);
-    if (surface.is_emissive) {
-      *emission +=
-          throughput * EmittedOnHit(segment->from, surface, hit, segment->ray.direction, segment->pdf);
-    }
-    if (scatterings > max_bounces_) return incident;
-
-    const auto bsdf = MakeBsdf<BsdfType>(surface, -segment->ray.direction);
-    const Vec2 light_and_lobe = random.Get2D(vertex, PathSampler::kLightAndLobe);
-    if (indirect == Indirect::kTraced) {
-      const Connection connection = ConnectToLight(surface, bsdf, light_and_lobe.x, random, vertex);
-      incident.indirect += throughput * TotalOf(connection.value, bsdf) * connection.light;
-    }
-
-    float u_lobe = light_and_lobe.y;
-    const float next_throughput = MaxComponent(path_throughput * throughput * bsdf.Albedo());
-    if (record != nullptr) {
-      if (record->size() == kMaxRecordedVertices) return incident;
-      record->push_back({path_throughput * incident.indirect, next_throughput, RaysOfThread()});
-    } else {
-      const float survival = plan_.roulette.Survival(vertex, next_throughput);
-      if (!Survives(survival, &u_lobe)) return incident;
-      throughput *= 1.0f / survival;
-    }
-    const BsdfSample step = bsdf.Sample(u_lobe, random.Get2D(vertex, PathSampler::kDirection));
-    if (!step.valid) return incident;
-    throughput *= TotalOf(step.weight, bsdf);
-    if (!BsdfType::kDiffuseOnly && step.straight) {
-      surface.SpawnRay(step, random.Key(vertex), &segment->ray);
-      continue;
-    }
-    if (indirect == Indirect::kLeftOut || (!plan_.emission_on_hits && scatterings >= max_bounces_))
-      return incident;
-    segment->Set(surface, step, random.Key(vertex));
-    emission = &incident.indirect;
-    ++scatterings;
-  }
+bool PathTracer::Shade(const Hit& hit, Path* path, Connection* connection,
+                       std::vector<Path>* branches) const {
+  Surface surface;
+  if (!Reach(hit, path, &surface)) return false;
+  const VertexNumbers random = path->random.Draw(path->vertex);
+  if (surface.values != nullptr)
+    return Scatter(hit, surface, *surface.values, random, path, connection, branches);
+  return Scatter(hit, surface, surfaces_.Shade(surface), random, path, connection, branches);
 }
 
-template <typename BsdfType>
-PathTracer::ScatteredRadiance PathTracer::Scatter(const Surface& surface, const BsdfType& bsdf,
-                                                  const Connection& connection, float u_lobe, int vertex,
-                                                  Vec3 path_throughput, const PathSampler& random,
-                                                  Indirect indirect) const {
-  ScatteredRadiance out;
-  out.direct = connection.light * connection.value.diffuse;
-  if constexpr (!BsdfType::kDiffuseOnly) out.glossy = connection.light * connection.value.non_diffuse;
-  out.total = connection.light * TotalOf(connection.value, bsdf);
+bool PathTracer::Reach(const Hit& hit, Path* path, Surface* surface) const {
+  if (path->part != PathPart::kLit) path->CloseSeen();
+  if (path->part == PathPart::kSeen && path->vertex > 0) path->out->levels.Set({path->branch, path->vertex});
+  path->estimate = -1;
+  if (hit.IsMiss()) {
+    if (!path->incident.has_scattered) path->incident.first_distance = std::numeric_limits<float>::infinity();
+    path->AddEmission(EmittedOnMiss(path->ray.direction, path->pdf));
+    return false;
+  }
+  if (!path->incident.has_scattered) path->incident.first_distance += hit.distance;
+  surfaces_.Read(hit, path->ray, surface);
+  if (path->vertex > 0) Attenuate(*surface, hit, &path->throughput);
+  if (surface->is_emissive) path->AddEmission(EmittedOnHit(*surface, hit, *path));
+  return path->scatterings <= max_bounces_;
+}
 
+Roulette PathTracer::RouletteAt(const Path& path) const {
   // A surface seen in mirrors is like one that the camera sees: a plan's rule begins at the next one.
-  const float survival = Roulette{}.Survival(vertex, MaxComponent(path_throughput * bsdf.Albedo()));
-  if (!Survives(survival, &u_lobe)) return out;
-  BsdfSample step = bsdf.Sample(u_lobe, random.Get2D(vertex, PathSampler::kDirection));
+  return path.part == PathPart::kSeen ? Roulette{} : plan_.roulette;
+}
+
+bool PathTracer::Scatter(const Hit& hit, const Surface& surface, const SurfaceMaterial& material,
+                         const VertexNumbers& random, Path* path, Connection* connection,
+                         std::vector<Path>* branches) const {
+  const Bsdf bsdf(material, albedo_table_, surface.normal, surface.geometric, -path->ray.direction);
+  const bool is_seen = path->part == PathPart::kSeen;
+  if (is_seen) {
+    OpenSeen(hit, surface,
+             {bsdf.DiffuseAlbedo(), bsdf.GlossyAlbedo(), bsdf.HasDiffuse(), bsdf.ReflectionAlpha()}, path);
+  }
+  if (is_seen || !path->options.is_direct_only) SampleLight(surface, bsdf, random, *path, connection);
+
+  float u_lobe = random.light_and_lobe.y;
+  path->estimate = MaxComponent(path->before * path->throughput * bsdf.Albedo());
+  const float survival =
+      path->options.is_recorded ? 1.0f : RouletteAt(*path).Survival(path->vertex, path->estimate);
+  if (!Survives(survival, &u_lobe)) return false;
+  const BsdfSample step = bsdf.Sample(u_lobe, random.direction);
+  if (is_seen && step.is_delta && path->vertex == 0 && !path->options.is_single && bsdf.IsSmoothGlass())
+    return TakeBothBranches(surface, bsdf, path, branches);
+  return TakeStep(surface, bsdf.DiffuseAlbedo(), step, survival, path);
+}
+
+bool PathTracer::TakeStep(const Surface& surface, Vec3 diffuse_albedo, const BsdfSample& step, float survival,
+                          Path* path) const {
+  if (!step.valid) return false;
+  if (path->part == PathPart::kSeen) return TakeSeenStep(surface, diffuse_albedo, step, survival, path);
+  path->throughput *= 1.0f / survival;
+  path->throughput *= TotalOf(step.weight, diffuse_albedo);
+  if (step.straight) {
+    path->Pass(surface, step);
+    return true;
+  }
+  if (path->options.is_direct_only || (!plan_.emission_on_hits && path->scatterings >= max_bounces_))
+    return false;
+  path->Leave(surface, step);
+  path->incident.has_scattered = true;
+  return true;
+}
+
+bool PathTracer::TakeSeenStep(const Surface& surface, Vec3 diffuse_albedo, BsdfSample step, float survival,
+                              Path* path) const {
   if (survival < 1) {
     step.weight.diffuse /= survival;
     step.weight.non_diffuse = step.weight.non_diffuse / survival;
   }
-  if constexpr (!BsdfType::kDiffuseOnly) {
-    if (step.is_delta) out.delta_event = step;
+  if (step.is_delta) {
+    path->LeaveByDelta(surface, step);
+    return true;
   }
-  if (step.is_delta || !step.valid) return out;
-  if (!plan_.emission_on_hits && vertex >= max_bounces_) return out;
-  const Vec3 weight = TotalOf(step.weight, bsdf);
-  PathSegment next(surface, step, random.Key(vertex));
-  const bool has_glossy = MaxComponent(step.weight.non_diffuse) > 0;
-  const auto incident = TraceIncident<BsdfType>(&next, vertex + 1, path_throughput * weight, random,
-                                                has_glossy ? Indirect::kTraced : indirect);
-  out.direct += incident.direct * step.weight.diffuse;
-  out.indirect = incident.indirect * step.weight.diffuse;
-  if constexpr (!BsdfType::kDiffuseOnly)
-    out.glossy += (incident.direct + incident.indirect) * step.weight.non_diffuse;
-  out.total += (incident.direct + incident.indirect) * weight;
-  return out;
+  if (!plan_.emission_on_hits && path->vertex >= max_bounces_) return false;
+  path->seen.weight = step.weight;
+  path->seen.total_weight = TotalOf(step.weight, diffuse_albedo);
+  path->options.is_direct_only = path->options.is_direct_only && MaxComponent(step.weight.non_diffuse) <= 0;
+  path->Begin(PathPart::kLit, path->throughput * path->seen.total_weight);
+  path->Leave(surface, step);
+  return true;
 }
 
-void PathTracer::TraceDeltaChain(const Surface& first, const BsdfSample& event, Vec3 throughput,
-                                 const PathSampler& random, LayerSample* out) const {
-  const layers::Branch branch = BranchOf(event);
-  PathSegment next(first, event, random.Key(0));
-  for (int depth = 1; depth <= plan_.levels; ++depth) {
-    LevelSample& level = out->levels.Set({branch, depth});
-    const Hit hit = embree_->Intersect(next.ray);
-    if (hit.IsMiss()) {
-      level.emitted = throughput * EmittedOnMiss(next.ray.direction, 0);
-      out->combined += level.emitted;
-      return;
-    }
-    const Surface surface = surfaces_.Read(hit, next.ray);
-    Attenuate(surface, hit, &throughput);
-    level.emitted = throughput * surfaces_.Emitted(surface);
-    out->combined += level.emitted;
-    if (depth > max_bounces_) return;
-
-    const Bsdf bsdf = MakeBsdf(surface, -next.ray.direction);
-    const Vec2 light_and_lobe = random.Get2D(depth, PathSampler::kLightAndLobe);
-    const Connection connection = ConnectToLight(surface, bsdf, light_and_lobe.x, random, depth);
-    const ScatteredRadiance scattered =
-        Scatter(surface, bsdf, connection, light_and_lobe.y, depth, throughput, random);
-    level.has_diffuse = bsdf.HasDiffuse();
-    level.albedo = throughput * bsdf.DiffuseAlbedo();
-    level.direct = scattered.direct;
-    level.indirect = scattered.indirect;
-    out->remainder += throughput * scattered.glossy;
-    out->combined += throughput * scattered.total;
-    if (!scattered.delta_event.valid) return;
-    throughput *= scattered.delta_event.weight.non_diffuse;
-    next.Set(surface, scattered.delta_event, random.Key(depth));
+const BaseMaterial* PathTracer::LaneMaterialOf(const Surface& surface, const SurfaceMaterial& material,
+                                               BaseMaterial* textured) const {
+  if (!uses_lanes_ || strategy_ != LightStrategy::kCombined) return nullptr;
+  if (surface.values != nullptr) {
+    const UniformMaterial& uniform = uniform_[surface.values - surfaces_.uniform().data()];
+    return uniform.is_base_only ? &uniform.base : nullptr;
   }
-  const auto incident = TraceIncident<Bsdf>(&next, plan_.levels + 1, throughput, random);
-  const Vec3 radiance = throughput * (incident.direct + incident.indirect);
-  out->remainder += radiance;
-  out->combined += radiance;
+  if (!material.IsBaseOnly()) return nullptr;
+  *textured = BaseMaterial(material, albedo_table_);
+  return textured;
 }
 
-template <typename BsdfType>
-PathTracer::FirstSurfaces<BsdfType> PathTracer::IntersectFirst(std::span<const Ray> rays,
-                                                               std::span<const Sampler> samplers) const {
-  std::array<Hit, kPacket> hits;
-  embree_->IntersectTogether(rays, hits);
-  FirstSurfaces<BsdfType> surfaces;
-  for (size_t i = 0; i < rays.size(); ++i) {
-    if (!hits[i].IsMiss()) surfaces[i].emplace(*this, hits[i], rays[i], PathSampler(samplers[i]));
-  }
-  ApplyVisibility(&surfaces);
-  return surfaces;
+void PathTracer::SetLane(const Surface& surface, const BaseMaterial& material, const Path& path, size_t lane,
+                         VertexLanes* out) const {
+  out->surface.position.Set(lane, surface.position);
+  out->surface.normal.Set(lane, surface.normal);
+  out->surface.geometric.Set(lane, surface.geometric);
+  out->surface.to_viewer.Set(lane, -path.ray.direction);
+  out->surface.epsilon[lane] = surface.epsilon;
+  out->material.base_color.Set(lane, material.base_color);
+  out->material.f0.Set(lane, material.f0);
+  out->material.f90[lane] = material.f90;
+  out->material.metallic[lane] = material.metallic;
+  out->material.base_weight[lane] = material.base_weight;
+  out->material.alpha[lane] = material.alpha;
+  out->material.root_alpha[lane] = material.root_alpha;
+  out->material.dielectric_f0[lane] = material.dielectric_f0;
+  out->material.dielectric_f90[lane] = material.dielectric_f90;
+  out->material.mean_albedo[lane] = material.mean_albedo;
+  out->path.throughput.Set(lane, path.before * path.throughput);
+  const Roulette rule = RouletteAt(path);
+  out->path.scale[lane] = rule.Scale(path.vertex);
+  out->path.unit[lane] = rule.Unit();
 }
 
-template <typename BsdfType>
-void PathTracer::TraceLayers(const FirstSurface<BsdfType>& first, const Sampler& sampler, Indirect indirect,
-                             LayerSample* out) const {
-  const Surface& surface = first.surface;
-  const BsdfType& bsdf = first.bsdf;
-  const PathSampler random(sampler);
-  const ScatteredRadiance scattered =
-      Scatter(surface, bsdf, first.connection, first.u_lobe, 0, {1, 1, 1}, random, indirect);
-  out->first = {first.instance, surface.normal, first.distance, 1};
-  out->emitted = surfaces_.Emitted(surface);
-  out->albedo = bsdf.DiffuseAlbedo();
-  out->direct = scattered.direct;
-  out->indirect = scattered.indirect;
-  out->combined = out->emitted + scattered.total;
-  if constexpr (!BsdfType::kDiffuseOnly) {
-    out->first.roughness = bsdf.ReflectionAlpha();
-    Demodulate(scattered.glossy, bsdf.GlossyAlbedo(), out);
-    const BsdfSample& event = scattered.delta_event;
-    if (!event.is_delta) return;
-    if (bsdf.IsSmoothGlass()) {
-      TraceBothBranches(first, sampler, out);
-    } else if (event.valid) {
-      TraceDeltaChain(surface, event, event.weight.non_diffuse, random, out);
-    }
+void PathTracer::SetLightLane(const Surface& surface, const Path& path, size_t lane, VertexLanes* out) const {
+  const LightReceiver receiver = {surface.position, surface.normal};
+  out->light.is_sampled[lane] = 1;
+  out->light.pdf[lane] = 0;
+  if (lights_.IsEmpty() || (path.options.is_direct_only && path.part != PathPart::kSeen)) return;
+  const float u_light = out->random.light_and_lobe.x[lane];
+  float probability = 0;
+  if (const LightTriangle* light = lights_.PickPlainTriangle(receiver, u_light, &probability)) {
+    out->light.is_sampled[lane] = 0;
+    out->triangle.corner.Set(lane, light->corner);
+    out->triangle.edge1.Set(lane, light->edge1);
+    out->triangle.edge2.Set(lane, light->edge2);
+    out->triangle.normal.Set(lane, light->normal);
+    out->light.radiance.Set(lane, light->radiance);
+    out->triangle.inverse_area[lane] = light->inverse_area;
+    out->triangle.probability[lane] = probability;
+    out->triangle.both_sides[lane] = light->double_sided ? 1.0f : 0.0f;
+    return;
   }
+  const LightSample sample = lights_.Sample(receiver, u_light, out->random.light_point.At(lane));
+  out->light.pdf[lane] = sample.pdf;
+  out->light.direction.Set(lane, sample.direction);
+  out->light.distance[lane] = sample.distance;
+  out->light.radiance.Set(lane, sample.radiance);
+  out->light.is_delta[lane] = sample.is_delta ? 1.0f : 0.0f;
 }
 
-void PathTracer::TraceBothBranches(const FirstSurface<Bsdf>& first, const Sampler& sampler,
-                                   LayerSample* out) const {
-  const float inverse_probability = 1.0f / first.bsdf.DeltaProbability();
-  const BsdfSample reflected = first.bsdf.DeltaReflection();
-  const BsdfSample transmitted = first.bsdf.DeltaTransmission();
-  if (reflected.valid) {
-    TraceDeltaChain(first.surface, reflected, reflected.weight.non_diffuse * inverse_probability,
-                    PathSampler(sampler), out);
+bool PathTracer::ScatterLane(const Hit& hit, const Surface& surface, float alpha, const ShadedLanes& shaded,
+                             size_t lane, Path* path, Connection* connection) const {
+  const Vec3 diffuse_albedo = shaded.diffuse_albedo.At(lane);
+  if (path->part == PathPart::kSeen) {
+    OpenSeen(hit, surface,
+             {diffuse_albedo, shaded.glossy_albedo.At(lane), shaded.has_diffuse[lane] > 0,
+              shaded.has_facets[lane] > 0 ? alpha : 1.0f},
+             path);
   }
+  connection->light = shaded.connection.light.At(lane);
+  if (!connection->IsBlack()) {
+    connection->value = {shaded.connection.diffuse[lane], shaded.connection.non_diffuse.At(lane)};
+    SetFactor(diffuse_albedo, *path, connection);
+    connection->ray.origin = shaded.connection.origin.At(lane);
+    connection->ray.direction = shaded.connection.direction.At(lane);
+    connection->ray.max_distance = shaded.connection.distance[lane];
+  }
+  path->estimate = shaded.estimate[lane];
+  const float survival = shaded.step.survival[lane];
+  if (survival <= 0) return false;
+  BsdfSample step;
+  step.wi = shaded.step.direction.At(lane);
+  step.weight = {shaded.step.diffuse[lane], shaded.step.non_diffuse.At(lane)};
+  step.pdf = shaded.step.pdf[lane];
+  step.valid = step.pdf > 0;
+  return TakeStep(surface, diffuse_albedo, step, survival, path);
+}
+
+bool PathTracer::TakeBothBranches(const Surface& surface, const Bsdf& bsdf, Path* path,
+                                  std::vector<Path>* branches) {
+  const float inverse_probability = 1.0f / bsdf.DeltaProbability();
+  BsdfSample reflected = bsdf.DeltaReflection();
+  BsdfSample transmitted = bsdf.DeltaTransmission();
+  reflected.weight.non_diffuse *= inverse_probability;
+  transmitted.weight.non_diffuse *= inverse_probability;
   if (transmitted.valid) {
-    TraceDeltaChain(first.surface, transmitted, transmitted.weight.non_diffuse * inverse_probability,
-                    PathSampler(sampler, kTransmissionPairs), out);
+    Path other = *path;  // its light is added when the other branch has ended
+    other.seen.is_open = false;
+    other.random = path->random.Transmission();
+    other.LeaveByDelta(surface, transmitted);
+    branches->push_back(other);
   }
-}
-
-void PathTracer::TraceMiss(const Ray& ray, LayerSample* out) const {
-  out->emitted = EmittedOnMiss(ray.direction, 0);
-  out->combined = out->emitted;
-}
-
-template <typename BsdfType>
-void PathTracer::TraceWith(std::span<const Ray> rays, std::span<const Sampler> samplers,
-                           std::span<LayerSample> out) const {
-  const auto surfaces = IntersectFirst<BsdfType>(rays, samplers);
-  for (size_t i = 0; i < rays.size(); ++i) {
-    out[i].Clear();
-    if (surfaces[i].has_value()) {
-      TraceLayers(*surfaces[i], samplers[i], Indirect::kTraced, &out[i]);
-    } else {
-      TraceMiss(rays[i], &out[i]);
-    }
-  }
+  if (reflected.valid) path->LeaveByDelta(surface, reflected);
+  return reflected.valid;
 }
 
 void PathTracer::Trace(std::span<const Ray> rays, std::span<const Sampler> samplers,
                        std::span<LayerSample> out) const {
-  if (diffuse_only_) {
-    TraceWith<DiffuseBsdf>(rays, samplers, out);
-  } else {
-    TraceWith<Bsdf>(rays, samplers, out);
-  }
+  PathStream stream(*this);
+  stream.Add(rays, samplers, out);
+  stream.Run();
 }
 
-template <typename BsdfType>
-void PathTracer::RecordWith(const Ray& ray, const Sampler& sampler, std::vector<PathVertex>* out) const {
-  const auto surfaces = IntersectFirst<BsdfType>({&ray, 1}, {&sampler, 1});
-  if (!surfaces[0].has_value()) return;
-  const Surface& surface = surfaces[0]->surface;
-  const BsdfType& bsdf = surfaces[0]->bsdf;
-  const PathSampler random(sampler);
-  const BsdfSample step = bsdf.Sample(surfaces[0]->u_lobe, random.Get2D(0, PathSampler::kDirection));
-  if (!step.valid || step.is_delta) return;
-  const Vec3 weight = TotalOf(step.weight, bsdf);
-  PathSegment next(surface, step, random.Key(0));
+void PathTracer::Follow(Path* path, std::vector<PathVertex>* record) const {
+  // There may be a thousand bounces, and next to no light comes from beyond these vertices.
+  constexpr size_t kMaxVertices = 16;
   const int64_t rays_before = RaysOfThread();
-  const auto incident = TraceIncident<BsdfType>(&next, 1, weight, random, Indirect::kTraced, out);
-  out->push_back({weight * incident.indirect, 0, RaysOfThread()});
-  for (PathVertex& vertex : *out) vertex.rays -= rays_before;
+  std::vector<Path> branches;
+  for (bool goes_on = true; goes_on;) {
+    Connection connection;
+    goes_on = Shade(embree_->Intersect(path->ray), path, &connection, &branches);
+    if (!connection.IsBlack()) {
+      connection.light *= visibility_.Transmittance(connection.ray);
+      path->Add(connection);
+    }
+    if (record == nullptr) continue;
+    if (path->estimate < 0 || record->size() == kMaxVertices) break;
+    record->push_back({path->before * path->incident.indirect, path->estimate, RaysOfThread() - rays_before});
+  }
+  if (record != nullptr)
+    record->push_back({path->before * path->incident.indirect, 0, RaysOfThread() - rays_before});
 }
 
 void PathTracer::RecordIndirect(const Ray& ray, const Sampler& sampler, std::vector<PathVertex>* out) const {
   out->clear();
   if (max_bounces_ == 0) return;
-  if (diffuse_only_) {
-    RecordWith<DiffuseBsdf>(ray, sampler, out);
-  } else {
-    RecordWith<Bsdf>(ray, sampler, out);
-  }
+  LayerSample sample;
+  Path path = StartPath(ray, sampler, &sample);
+  path.options.is_recorded = true;
+  Hit first;
+  embree_->IntersectTogether({&ray, 1}, {&first, 1});
+  Connection seen;  // its light is not indirect
+  std::vector<Path> branches;
+  if (Shade(first, &path, &seen, &branches) && path.part == PathPart::kLit) Follow(&path, out);
 }
-
-// ChartsAccess uses these.
-template PathTracer::FirstSurfaces<Bsdf> PathTracer::IntersectFirst<Bsdf>(std::span<const Ray>,
-                                                                          std::span<const Sampler>) const;
-template void PathTracer::TraceLayers<Bsdf>(const FirstSurface<Bsdf>&, const Sampler&, Indirect,
-                                            LayerSample*) const;
-template PathTracer::ScatteredRadiance PathTracer::Scatter<Bsdf>(const Surface&, const Bsdf&,
-                                                                 const Connection&, float, int, Vec3,
-                                                                 const PathSampler&, Indirect) const;
-template PathTracer::IncidentRadiance PathTracer::TraceIncident<Bsdf>(PathSegment*, int, Vec3,
-                                                                      const PathSampler&, Indirect,
-                                                                      std::vector<PathVertex>*) const;
-template Bsdf PathTracer::MakeBsdf<Bsdf>(const Surface&, Vec3) const;
 
 }  // namespace lumifold::render

@@ -1,12 +1,11 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
+#include "worker/render/lanes/vertex_lanes.h"
 #include "worker/render/lights/environment.h"
 #include "worker/render/lights/lights.h"
 #include "worker/render/materials/bsdf.h"
@@ -14,17 +13,13 @@
 #include "worker/render/tracing/embree_scene.h"
 #include "worker/render/tracing/geometry_sample.h"
 #include "worker/render/tracing/layer_sample.h"
+#include "worker/render/tracing/path.h"
 #include "worker/render/tracing/surface.h"
 #include "worker/render/tracing/tracing_plan.h"
 #include "worker/render/tracing/visibility.h"
 #include "worker/scene/scene.h"
 
 namespace lumifold::render {
-
-/// The dimension pair of a sample that places it within its pixel.
-inline constexpr uint32_t kCameraPair = 0;
-/// The dimension pair that places it on the lens: above all pairs that its path uses.
-inline constexpr uint32_t kLensPair = 1u << 20;
 
 /// How light at a surface is estimated. The farm uses kCombined. The others converge to the same picture more
 /// slowly and exist so that tests can compare them with it. Punctual lights are sampled in all three.
@@ -75,19 +70,41 @@ class PathTracer {
 
  private:
   friend class ChartsAccess;  // tests and charts only
+  friend class PathStream;
 
-  class PathSampler;
-  struct Connection;
-  struct PathSegment;
-  template <typename BsdfType>
-  struct FirstSurface;
-  struct IncidentRadiance;
-  struct ScatteredRadiance;
-  /// Whether paths are traced whose only contribution is the first surface's I. The farm traces them all.
-  enum class Indirect { kTraced, kLeftOut };
-  template <typename BsdfType>
-  using FirstSurfaces = std::array<std::optional<FirstSurface<BsdfType>>, kPacket>;
+  /// A material that is the same everywhere on its meshes.
+  struct UniformMaterial {
+    BaseMaterial base;
+    bool is_base_only;
+  };
 
+  Path StartPath(const Ray& camera_ray, const Sampler& sampler, LayerSample* out) const {
+    return Path(camera_ray, sampler, plan_.levels, out);
+  }
+  /// What happens at the end of a path's ray: gathers the emission there, samples a light and the next
+  /// direction. Returns whether the path goes on. `connection`, which must be black, receives the light
+  /// sample, without visibility. Smooth glass that the camera sees adds the path of its transmission to
+  /// `branches`.
+  bool Shade(const Hit& hit, Path* path, Connection* connection, std::vector<Path>* branches) const;
+  /// The first part of Shade(): the emission. Returns whether the path may scatter at `surface`, which then
+  /// is set.
+  bool Reach(const Hit& hit, Path* path, Surface* surface) const;
+  /// The rest.
+  bool Scatter(const Hit& hit, const Surface& surface, const SurfaceMaterial& material,
+               const VertexNumbers& random, Path* path, Connection* connection,
+               std::vector<Path>* branches) const;
+  /// The rest by lanes, for materials of which this is not null: sets what ShadeLanes() reads, and does what
+  /// follows from its result. `textured` is where the result may be kept.
+  const BaseMaterial* LaneMaterialOf(const Surface& surface, const SurfaceMaterial& material,
+                                     BaseMaterial* textured) const;
+  void SetLane(const Surface& surface, const BaseMaterial& material, const Path& path, size_t lane,
+               VertexLanes* out) const;
+  void SetLightLane(const Surface& surface, const Path& path, size_t lane, VertexLanes* out) const;
+  bool ScatterLane(const Hit& hit, const Surface& surface, float alpha, const ShadedLanes& shaded,
+                   size_t lane, Path* path, Connection* connection) const;
+  /// Traces a path that has left its first surface to its end, alone. If `record` is not null, its vertices
+  /// are added there.
+  void Follow(Path* path, std::vector<PathVertex>* record) const;
   /// MIS weight of a light that a direction sampled with density `bsdf_pdf` hits, and that light sampling
   /// generates with density `light_pdf`.
   float HitWeight(float bsdf_pdf, float light_pdf) const;
@@ -95,63 +112,28 @@ class PathTracer {
   /// sample's density.
   float LightSampleWeight(const LightSample& sample, float bsdf_pdf) const;
   /// Samples a point on the lights. The radiance is divided by the density and MIS-weighted against
-  /// Bsdf::Sample(); visibility is not yet applied.
-  template <typename BsdfType>
-  Connection SampleLight(const Surface& surface, const BsdfType& bsdf, float u_light,
-                         const PathSampler& random, int vertex) const;
-  /// As SampleLight(), with visibility applied.
-  template <typename BsdfType>
-  Connection ConnectToLight(const Surface& surface, const BsdfType& bsdf, float u_light,
-                            const PathSampler& random, int vertex) const;
-  /// Multiplies the radiance of all connections by the transmittance of their shadow rays.
-  template <typename BsdfType>
-  void ApplyVisibility(FirstSurfaces<BsdfType>* surfaces) const;
-  /// Radiance that the hit surface emits back along a ray sampled at `from` with density `pdf`, MIS-weighted
-  /// against ConnectToLight().
-  Vec3 EmittedOnHit(const LightReceiver& from, const Surface& surface, const Hit& hit, Vec3 direction,
-                    float pdf) const;
+  /// Bsdf::Sample().
+  void SampleLight(const Surface& surface, const Bsdf& bsdf, const VertexNumbers& random, const Path& path,
+                   Connection* out) const;
+  /// Radiance that the hit surface emits back along the path's ray, MIS-weighted against SampleLight().
+  Vec3 EmittedOnHit(const Surface& surface, const Hit& hit, const Path& path) const;
   /// The same for a ray that leaves the scene.
   Vec3 EmittedOnMiss(Vec3 direction, float pdf) const;
-  template <typename BsdfType = Bsdf>
-  BsdfType MakeBsdf(const Surface& surface, Vec3 wo) const;
-  /// Radiance incident along `segment`, which is advanced to the path's end; the surface at its first hit is
-  /// path vertex number `vertex`. `path_throughput` is the throughput of the path before the segment. With
-  /// Indirect::kLeftOut only the direct part is traced. If `record` is not null, the path's vertices are
-  /// added there, and it goes on without Russian roulette.
-  template <typename BsdfType>
-  IncidentRadiance TraceIncident(PathSegment* segment, int vertex, Vec3 path_throughput,
-                                 const PathSampler& random, Indirect indirect = Indirect::kTraced,
-                                 std::vector<PathVertex>* record = nullptr) const;
-  /// Radiance that path vertex number `vertex` scatters towards the viewer; `connection` is its light sample
-  /// and `u_lobe` the random number that selects the lobe.
-  template <typename BsdfType>
-  ScatteredRadiance Scatter(const Surface& surface, const BsdfType& bsdf, const Connection& connection,
-                            float u_lobe, int vertex, Vec3 path_throughput, const PathSampler& random,
-                            Indirect indirect = Indirect::kTraced) const;
-  /// The first intersection of each ray; empty for rays that miss.
-  template <typename BsdfType>
-  FirstSurfaces<BsdfType> IntersectFirst(std::span<const Ray> rays, std::span<const Sampler> samplers) const;
-  /// The layers of a sample whose camera ray hits `first`.
-  template <typename BsdfType>
-  void TraceLayers(const FirstSurface<BsdfType>& first, const Sampler& sampler, Indirect indirect,
-                   LayerSample* out) const;
-  /// Traces the delta events that leave smooth glass at the first surface, each weighted by Fresnel.
-  void TraceBothBranches(const FirstSurface<Bsdf>& first, const Sampler& sampler, LayerSample* out) const;
-  /// The layers of a sample whose camera ray leaves the scene.
-  void TraceMiss(const Ray& ray, LayerSample* out) const;
-  /// Follows the chain of delta events that begins at the first surface with `event` of weight `throughput`,
-  /// and adds one level for each surface on it.
-  void TraceDeltaChain(const Surface& first, const BsdfSample& event, Vec3 throughput,
-                       const PathSampler& random, LayerSample* out) const;
-  /// Trace() with the code for one type of BSDF.
-  template <typename BsdfType>
-  void TraceWith(std::span<const Ray> rays, std::span<const Sampler> samplers,
-                 std::span<LayerSample> out) const;
-  /// RecordIndirect() with the code for one type of BSDF.
-  template <typename BsdfType>
-  void RecordWith(const Ray& ray, const Sampler& sampler, std::vector<PathVertex>* out) const;
+  Bsdf MakeBsdf(const Surface& surface, Vec3 wo) const;
+  /// How a path goes on from a vertex that it was at with this probability of survival. Returns whether it
+  /// does.
+  bool TakeStep(const Surface& surface, Vec3 diffuse_albedo, const BsdfSample& step, float survival,
+                Path* path) const;
+  bool TakeSeenStep(const Surface& surface, Vec3 diffuse_albedo, BsdfSample step, float survival,
+                    Path* path) const;
+  /// The rule of Russian roulette at the path's vertex.
+  Roulette RouletteAt(const Path& path) const;
+  /// Both delta events that leave smooth glass at the first surface, each weighted by Fresnel.
+  static bool TakeBothBranches(const Surface& surface, const Bsdf& bsdf, Path* path,
+                               std::vector<Path>* branches);
+
   GeometrySample GeometryAt(const Ray& ray, const Hit& hit) const;
-  /// The same chain without random decisions: at each surface the stronger delta event.
+  /// The chain of delta events without random decisions: at each surface the stronger one.
   void TraceDeltaChainGeometry(const Ray& camera_ray, const Surface& first, const BsdfSample& event,
                                GeometrySample* out) const;
 
@@ -159,12 +141,13 @@ class PathTracer {
   TextureSampler textures_;
   SurfaceReader surfaces_;
   LightSet lights_;
-  bool diffuse_only_;  // the scene is traced with DiffuseBsdf, and Bsdf looks up no albedo
   AlbedoTable albedo_table_;
+  std::vector<UniformMaterial> uniform_;  // of SurfaceReader::uniform()
   Visibility visibility_;
   int max_bounces_;
   TracingPlan plan_;
-  LightStrategy strategy_ = LightStrategy::kCombined;
+  LightStrategy strategy_ = LightStrategy::kCombined;  // another one has no lanes
+  bool uses_lanes_ = true;
 };
 
 }  // namespace lumifold::render

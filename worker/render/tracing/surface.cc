@@ -39,6 +39,13 @@ bool HasTextures(const scene::Material& material) {
                      [](const scene::TextureUse& use) { return use.ref->texture != scene::kNone; });
 }
 
+SurfaceReader::Kind KindOfMaterial(const scene::Material& m) {
+  using Kind = SurfaceReader::Kind;
+  if (m.transmission.factor > 0 || m.clearcoat.factor > 0 || MaxComponent(m.sheen.color) > 0)
+    return Kind::kRare;
+  return m.base.metallic > 0 || m.specular.factor > 0 ? Kind::kBase : Kind::kDiffuse;
+}
+
 /// Whether all vertex normals equal the face normals, or there are none.
 bool IsFlat(const Mesh& mesh) {
   constexpr float kMinCosine = 1.0f - 0x1p-20f;
@@ -92,6 +99,7 @@ SurfaceReader::InstanceData SurfaceReader::DataOf(const scene::Scene& scene, siz
   data.material = mesh.material == scene::kNone ? &default_material_ : &scene.materials[mesh.material];
   data.is_textured = HasTextures(*data.material);
   data.is_emissive = data.material->unlit || MaxComponent(data.material->emission.radiance) > 0;
+  data.kind = KindOfMaterial(*data.material);
   const bool is_uniform = !data.is_textured && mesh.colors.empty();
   data.is_plain = is_uniform && IsFlat(mesh);
   // The values of glass and coats depend on the side and the normal.
@@ -104,27 +112,24 @@ SurfaceReader::InstanceData SurfaceReader::DataOf(const scene::Scene& scene, siz
   return data;
 }
 
-Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
+void SurfaceReader::Read(const Hit& hit, const Ray& ray, Surface* surface) const {
   const InstanceData& instance = instances_[hit.instance];
-  Surface surface;
-  surface.material = instance.material;
-  surface.values = instance.values;
-  surface.is_emissive = instance.is_emissive;
-  surface.position = ray.origin + ray.direction * hit.distance;
+  surface->material = instance.material;
+  surface->values = instance.values;
+  surface->is_emissive = instance.is_emissive;
+  surface->position = ray.origin + ray.direction * hit.distance;
   const Vec3 face = Normalize(hit.face_normal);
-  surface.front = Dot(face, ray.direction) < 0;
-  surface.geometric = surface.front ? face : -face;
-  const Vec3 extent = {std::abs(surface.position.x), std::abs(surface.position.y),
-                       std::abs(surface.position.z)};
-  surface.epsilon = epsilon_ + (MaxComponent(extent) + hit.distance) * 0x1p-20f;
-  if (any_textures_) {
-    surface.cone_width = ray.WidthAt(hit.distance);
-    surface.cone_spread = ray.spread;
-  }
-  surface.normal = surface.geometric;
-  if (surface.material->clearcoat.factor > 0) surface.coat_normal = surface.geometric;
-  if (!instance.is_plain) ReadCorners(instance, hit, ray, &surface);
-  return surface;
+  surface->front = Dot(face, ray.direction) < 0;
+  surface->geometric = surface->front ? face : -face;
+  const Vec3 extent = {std::abs(surface->position.x), std::abs(surface->position.y),
+                       std::abs(surface->position.z)};
+  surface->epsilon = epsilon_ + (MaxComponent(extent) + hit.distance) * 0x1p-20f;
+  surface->cone_width = any_textures_ ? ray.WidthAt(hit.distance) : 0.0f;
+  surface->cone_spread = any_textures_ ? ray.spread : 0.0f;
+  surface->normal = surface->geometric;
+  surface->vertex_color = {1, 1, 1};
+  if (surface->material->clearcoat.factor > 0) surface->coat_normal = surface->geometric;
+  if (!instance.is_plain) ReadCorners(instance, hit, ray, surface);
 }
 
 /// Interpolates the vertex attributes: texture coordinates, colour and shading normals.
@@ -133,9 +138,9 @@ void SurfaceReader::ReadCorners(const InstanceData& instance, const Hit& hit, co
   const Mesh& mesh = *instance.mesh;
   const Affine& to_world = *instance.to_world;
   const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
-  for (int set = 0; set < 2; ++set) {
-    if (!mesh.uvs[set].empty()) surface->uv[set] = Interpolate(mesh.uvs[set], corners, hit.u, hit.v);
-  }
+  for (int set = 0; set < 2; ++set)
+    surface->uv[set] = mesh.uvs[set].empty() ? Vec2{} : Interpolate(mesh.uvs[set], corners, hit.u, hit.v);
+  if (instance.is_textured) surface->footprint = {};
   if (instance.is_textured && surface->cone_width > 0)
     surface->footprint = FootprintAt(mesh, to_world, hit, ray, surface->geometric);
   if (!mesh.colors.empty()) surface->vertex_color = Interpolate(mesh.colors, corners, hit.u, hit.v);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "worker/render/materials/bsdf.h"
@@ -44,10 +45,27 @@ class SurfaceReader {
   SurfaceReader& operator=(const SurfaceReader&) = delete;
 
   /// The surface at `hit` of `ray`, which must not be a miss.
-  Surface Read(const Hit& hit, const Ray& ray) const;
+  Surface Read(const Hit& hit, const Ray& ray) const {
+    Surface surface;
+    Read(hit, ray, &surface);
+    return surface;
+  }
+  /// The same in a place that may have held another surface.
+  void Read(const Hit& hit, const Ray& ray, Surface* surface) const;
+
+  /// What lobes the surfaces of an instance have, as far as its material's factors tell.
+  enum class Kind : uint8_t {
+    kDiffuse,  // the diffuse one alone
+    kBase,     // perhaps rough reflection too
+    kRare,     // perhaps others
+  };
+  Kind KindOf(int instance) const { return instances_[instance].kind; }
 
   /// The material's values at the surface, with textures applied.
   SurfaceMaterial Shade(const Surface& surface) const;
+
+  /// What Surface::values points to.
+  std::span<const SurfaceMaterial> uniform() const { return uniform_; }
 
   /// Radiance emitted towards the side that the ray came from.
   Vec3 Emitted(const Surface& surface) const { return surface.is_emissive ? EmittedBy(surface) : Vec3{}; }
@@ -61,7 +79,8 @@ class SurfaceReader {
     const scene::Affine* to_world = nullptr;
     bool is_textured = false;  // the material has textures
     bool is_emissive = false;  // the material emits
-    bool is_plain = false;     // flat, without textures and vertex colours: the face suffices
+    Kind kind = Kind::kDiffuse;
+    bool is_plain = false;  // flat, without textures and vertex colours: the face suffices
   };
 
   /// The data of a mesh, without a transform.

@@ -1,0 +1,257 @@
+// Included once for each instruction set: by files of kernels alone, after hwy/foreach_target.h.
+#if defined(LUMIFOLD_RENDER_LANES_BASE_LOBES_INL_H_) == defined(HWY_TARGET_TOGGLE)
+#ifdef LUMIFOLD_RENDER_LANES_BASE_LOBES_INL_H_
+#undef LUMIFOLD_RENDER_LANES_BASE_LOBES_INL_H_
+#else
+#define LUMIFOLD_RENDER_LANES_BASE_LOBES_INL_H_
+#endif
+
+#include "worker/render/lanes/numbers-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace lumifold::render {
+namespace HWY_NAMESPACE {
+
+/// See DirectionalAlbedo.
+struct AlbedoLanes {
+  Num scale, bias;
+};
+
+/// AlbedoTable::Lookup; `root_alpha` is the root of alpha.
+HWY_INLINE AlbedoLanes LookUp(const float* albedos, Num cosine, Num root_alpha) {
+  constexpr int kSize = 32;
+  const IntLaneTag di;
+  const auto place = [](Num x) { return Min(Max(x, Num(0.0f)), Num(1.0f)) * Num(kSize - 1.0f); };
+  const Num row = place(root_alpha);
+  const Num column = place(cosine);
+  const auto last = hn::Set(di, kSize - 2);
+  // Lanes without meaning may hold NaN; they too must read from the table.
+  const auto whole = [&](Num x) { return hn::Max(hn::Min(hn::ConvertTo(di, x.v), last), hn::Zero(di)); };
+  const auto r = whole(row);
+  const auto c = whole(column);
+  const Num row_part = row - hn::ConvertTo(LaneTag(), r);
+  const Num column_part = column - hn::ConvertTo(LaneTag(), c);
+  const auto at = hn::ShiftLeft<1>(hn::Add(hn::ShiftLeft<5>(r), c));
+  const auto read = [&](int offset) {
+    return Num(hn::GatherIndex(LaneTag(), albedos, hn::Add(at, hn::Set(di, offset))));
+  };
+  const auto mix = [](Num a, Num b, Num t) { return a + (b - a) * t; };
+  return {mix(mix(read(0), read(2), column_part), mix(read(2 * kSize), read(2 * kSize + 2), column_part),
+              row_part),
+          mix(mix(read(1), read(3), column_part), mix(read(2 * kSize + 1), read(2 * kSize + 3), column_part),
+              row_part)};
+}
+
+struct FrameLanes {
+  Num3 x, y, z;
+
+  HWY_INLINE static FrameLanes Of(Num3 z) {
+    const Num sign = CopySign(Num(1.0f), z.z);
+    const Num a = Num(-1.0f) / (sign + z.z);
+    const Num b = z.x * z.y * a;
+    return {{Num(1.0f) + sign * z.x * z.x * a, sign * b, -sign * z.x}, {b, sign + z.y * z.y * a, -z.y}, z};
+  }
+  HWY_INLINE Num3 ToLocal(Num3 v) const { return {Dot(v, x), Dot(v, y), Dot(v, z)}; }
+  HWY_INLINE Num3 ToWorld(Num3 v) const { return x * v.x + y * v.y + z * v.z; }
+};
+
+HWY_INLINE Num2 ConcentricDisk(Num2 u) {
+  const Num one = 1.0f;
+  const Num a = Num(2.0f) * u.x - one;
+  const Num b = Num(2.0f) * u.y - one;
+  const Mask along_x = Abs(a) > Abs(b);
+  const Num radius = Select(along_x, a, b);
+  const Num angle = Num(0.785398163f) * (Select(along_x, b, a) / radius);
+  const Num x2 = angle * angle;
+  const Num sine =
+      angle * (one - x2 * Num(1.0f / 6) * (one - x2 * Num(1.0f / 20) * (one - x2 * Num(1.0f / 42))));
+  const Num cosine =
+      one - x2 * Num(0.5f) *
+                (one - x2 * Num(1.0f / 12) * (one - x2 * Num(1.0f / 30) * (one - x2 * Num(1.0f / 56))));
+  const Mask is_centre = Not(Or(a != Num(0.0f), b != Num(0.0f)));
+  const Num near = Select(is_centre, Num(0.0f), radius * cosine);
+  const Num far = Select(is_centre, Num(0.0f), radius * sine);
+  return {Select(along_x, near, far), Select(along_x, far, near)};
+}
+
+/// A direction above the surface, in proportion to its cosine, from a point of the disk.
+HWY_INLINE Num3 CosineDirection(Num2 disk) {
+  return {disk.x, disk.y, Sqrt(Max(Num(0.0f), Num(1.0f) - disk.x * disk.x - disk.y * disk.y))};
+}
+
+HWY_INLINE Num GgxDensity(Num3 h, Num alpha) {
+  const Num a2 = alpha * alpha;
+  const Num t = a2 * h.z * h.z + h.x * h.x + h.y * h.y;
+  return a2 / (Num(kPi) * t * t);
+}
+
+HWY_INLINE Num GgxVisibility(Num cos_i, Num cos_o, Num alpha) {
+  const Num a2 = alpha * alpha;
+  const Num rest = Num(1.0f) - a2;
+  const Num lambda_o = cos_i * Sqrt(cos_o * cos_o * rest + a2);
+  const Num lambda_i = cos_o * Sqrt(cos_i * cos_i * rest + a2);
+  return Num(0.5f) / (lambda_o + lambda_i);
+}
+
+/// SampleGgxVisibleNormal with ConcentricDisk(u).
+HWY_INLINE Num3 SampleGgxVisibleNormal(Num3 wo, Num alpha, Num2 disk) {
+  const Num zero = 0.0f;
+  const Num one = 1.0f;
+  const Num3 stretched = Normalize({alpha * wo.x, alpha * wo.y, wo.z});
+  const Num length2 = stretched.x * stretched.x + stretched.y * stretched.y;
+  const Num3 across = Num3{-stretched.y, stretched.x, zero} / Sqrt(length2);
+  const Num3 t1 = Select(length2 > zero, across, {one, zero, zero});
+  const Num3 t2 = Cross(stretched, t1);
+  const Num p1 = disk.x;
+  const Num s = Num(0.5f) * (one + stretched.z);
+  const Num p2 = (one - s) * Sqrt(Max(zero, one - p1 * p1)) + s * disk.y;
+  const Num3 n = t1 * p1 + t2 * p2 + stretched * Sqrt(Max(zero, one - p1 * p1 - p2 * p2));
+  return Normalize({alpha * n.x, alpha * n.y, Max(Num(1e-6f), n.z)});
+}
+
+/// BsdfValue with the density of Sample().
+struct LobeValue {
+  Num diffuse;
+  Num3 non_diffuse;
+  Num pdf;
+};
+
+/// A sampled direction; `value` is over the density, which is 0 where there is none.
+struct LobeSample {
+  Num3 direction;
+  LobeValue value;
+};
+
+/// What Bsdf is for materials that have no lobes but the diffuse one and rough reflection.
+struct BaseLobes {
+  FrameLanes frame;
+  Num3 geometric;
+  Num3 wo;  // in the frame
+  Num3 diffuse_albedo, facets_albedo;
+  Num3 f0, f90;
+  Num alpha, root_alpha;
+  Num dielectric_f0, dielectric_f90, mean_albedo;
+  Num p_diffuse, p_facets;
+  Mask is_diffuse;  // it is the only lobe
+
+  /// Computes the albedos and probabilities; what the material alone determines is set.
+  HWY_INLINE void Begin(Num3 normal, Num3 to_viewer, Num3 base_color, Num metallic, Num base_weight,
+                        const float* albedos) {
+    const Num zero = 0.0f;
+    const Num one = 1.0f;
+    frame = FrameLanes::Of(normal);
+    wo = frame.ToLocal(to_viewer);
+    wo.z = Max(wo.z, Num(1e-4f));
+    AlbedoLanes seen = {zero, zero};
+    if (Any(f90.x > zero)) {
+      const AlbedoLanes found = LookUp(albedos, wo.z, root_alpha);
+      seen = {Where(f90.x > zero, found.scale), Where(f90.x > zero, found.bias)};
+    }
+    const Num dielectric_albedo =
+        Where(dielectric_f90 > zero, Min(dielectric_f0 * seen.scale + dielectric_f90 * seen.bias, one));
+    diffuse_albedo = base_color * (base_weight * (one - dielectric_albedo));
+    facets_albedo = f0 * seen.scale + f90 * seen.bias;
+    const Mask is_metal = metallic > zero;
+    if (Any(is_metal)) Compensate(is_metal, base_color, metallic, seen);
+    ChooseProbabilities();
+  }
+
+  /// Bsdf::CompensateMetal.
+  HWY_INLINE void Compensate(Mask is_metal, Num3 b, Num metallic, AlbedoLanes seen) {
+    const Num one = 1.0f;
+    const Num least = 1e-20f;
+    const Num whole = seen.scale + seen.bias;
+    const Num3 compensation =
+        b * (b * seen.scale + Num3{seen.bias, seen.bias, seen.bias}) * (metallic * (one - whole) / whole);
+    const Num3 gain = Select(is_metal,
+                             {one + compensation.x / Max(facets_albedo.x, least),
+                              one + compensation.y / Max(facets_albedo.y, least),
+                              one + compensation.z / Max(facets_albedo.z, least)},
+                             {one, one, one});
+    f0 = f0 * gain;
+    f90 = f90 * gain;
+    facets_albedo = facets_albedo * gain;
+  }
+
+  HWY_INLINE void ChooseProbabilities() {
+    const Num zero = 0.0f;
+    const Num facets = Luminance(facets_albedo);
+    const Num diffuse = Luminance(diffuse_albedo);
+    p_diffuse = Where(diffuse > zero, Max(diffuse / (diffuse + facets), Num(0.05f)));
+    p_facets = Where(facets > zero, facets * ((Num(1.0f) - p_diffuse) / facets));
+    is_diffuse = And(p_diffuse >= Num(1.0f), dielectric_f90 <= zero);
+  }
+
+  /// Bsdf::Evaluate.
+  HWY_INLINE LobeValue Evaluate(Num3 wi_world, const float* albedos) const {
+    const Num zero = 0.0f;
+    const Mask is_above = Dot(wi_world, geometric) > zero;
+    if (All(is_diffuse)) {
+      const Num cosine = Dot(wi_world, frame.z);
+      const Num pdf = Where(And(cosine > zero, is_above), cosine / Num(kPi));
+      return {pdf, {zero, zero, zero}, pdf};
+    }
+    const Num3 wi = frame.ToLocal(wi_world);
+    const Mask is_up = And(is_above, wi.z > zero);
+    Num coupling = 1.0f;
+    if (Any(dielectric_f90 > zero)) {
+      const AlbedoLanes seen = LookUp(albedos, wi.z, root_alpha);
+      const Num share =
+          (Num(1.0f) - Min(dielectric_f0 * seen.scale + dielectric_f90 * seen.bias, Num(1.0f))) /
+          (Num(1.0f) - mean_albedo);
+      coupling = Select(dielectric_f90 > zero, share, coupling);
+    }
+    const Mask diffuses = And(is_up, p_diffuse > zero);
+    LobeValue value;
+    value.diffuse = Where(diffuses, coupling * wi.z / Num(kPi));
+    value.pdf = Where(diffuses, p_diffuse * wi.z / Num(kPi));
+    const Mask reflects = And(is_up, p_facets > zero);
+    const Num3 h = Normalize(wi + wo);
+    const Num dot = Dot(wo, h);
+    const Num cos_h = Max(dot, Num(1e-6f));
+    const Num density = GgxDensity(h, alpha);
+    const Num lobe = density * GgxVisibility(wi.z, wo.z, alpha) * wi.z;
+    const Num m = Where(cos_h < Num(1.0f), Num(1.0f) - cos_h);
+    const Num m2 = m * m;
+    const Num3 fresnel = f0 + (f90 - f0) * (m2 * m2 * m);
+    value.non_diffuse = Where(reflects, fresnel * lobe);
+    const Num a2 = alpha * alpha;
+    const Num masking = Num(2.0f) / (wo.z + Sqrt(a2 + (Num(1.0f) - a2) * wo.z * wo.z));
+    const Num visible = masking * Max(zero, dot) * density;
+    value.pdf = value.pdf + Where(reflects, p_facets * visible / (Num(4.0f) * cos_h));
+    return value;
+  }
+
+  /// Bsdf::Sample.
+  HWY_INLINE LobeSample Sample(Num u_lobe, Num2 u, const float* albedos) const {
+    const Num zero = 0.0f;
+    const Num2 disk = ConcentricDisk(u);
+    const Num3 cosine = CosineDirection(disk);
+    LobeSample sample;
+    if (All(is_diffuse)) {
+      sample.direction = frame.ToWorld(cosine);
+      const Mask is_valid = And(cosine.z > zero, Dot(sample.direction, geometric) > zero);
+      sample.value = {1.0f, {zero, zero, zero}, Where(is_valid, cosine.z / Num(kPi))};
+      return sample;
+    }
+    const Mask is_cosine = u_lobe < p_diffuse;
+    const Num3 h = SampleGgxVisibleNormal(wo, alpha, disk);
+    const Num3 mirrored = h * (Num(2.0f) * Dot(wo, h)) - wo;
+    sample.direction = frame.ToWorld(Select(is_cosine, cosine, mirrored));
+    const LobeValue value = Evaluate(sample.direction, albedos);
+    const Mask is_valid = Or(is_cosine, And(p_facets > zero, mirrored.z > zero));
+    sample.value = {value.diffuse / value.pdf, value.non_diffuse / value.pdf, Where(is_valid, value.pdf)};
+    if (Any(is_diffuse)) {
+      const Mask is_above = And(cosine.z > zero, Dot(sample.direction, geometric) > zero);
+      sample.value.diffuse = Select(is_diffuse, Num(1.0f), sample.value.diffuse);
+      sample.value.pdf = Select(is_diffuse, Where(is_above, cosine.z / Num(kPi)), sample.value.pdf);
+    }
+    return sample;
+  }
+};
+
+}  // namespace HWY_NAMESPACE
+}  // namespace lumifold::render
+HWY_AFTER_NAMESPACE();
+
+#endif  // per-target include guard

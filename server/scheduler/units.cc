@@ -160,7 +160,7 @@ void Units::ReturnToLarger(const Lease& lease, const Worker& worker, absl::Time 
                                 state_->workers.KindOf(worker.kind).memory_bytes,
                                 now + state_->options.cool_down);
   RequireMemory(state_->jobs.Get(lease.unit.job));
-  state_->workers.Change(lease.worker, [](Worker& changed) { ++changed.units_failed; });
+  state_->workers.Change(lease.worker, [](Worker& changed) { ++changed.units.failed; });
   leasing_->ReleaseSlot(lease.worker);
   if (!leasing_->MayReturn(lease.unit)) return;
   leasing_->Return(lease.unit);

@@ -82,8 +82,6 @@ struct BsdfSample {
 /// "Practical multiple scattering compensation for microfacet models".
 class Bsdf {
  public:
-  static constexpr bool kDiffuseOnly = false;
-
   /// `normal` is the unit shading normal, `geometric` the unit face normal, both on wo's side. wo points away
   /// from the surface.
   Bsdf(const SurfaceMaterial& material, const AlbedoTable& table, Vec3 normal, Vec3 geometric, Vec3 wo);

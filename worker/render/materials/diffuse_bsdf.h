@@ -17,19 +17,10 @@ inline Vec3 CosineDirection(Vec2 u) {
 /// The diffuse lobe alone: what Bsdf is for a material with SurfaceMaterial::IsDiffuseOnly().
 class DiffuseBsdf {
  public:
-  static constexpr bool kDiffuseOnly = true;
-
-  /// `table` and `wo` as for Bsdf, whose constructor it stands for.
-  DiffuseBsdf(const SurfaceMaterial& material, const AlbedoTable& /*table*/, Vec3 normal, Vec3 geometric,
-              Vec3 /*wo*/)
-      : DiffuseBsdf(material.base_color, normal, geometric) {}
   DiffuseBsdf(Vec3 albedo, Vec3 normal, Vec3 geometric)
       : albedo_(albedo), normal_(normal), geometric_(geometric) {}
 
-  Vec3 DiffuseAlbedo() const { return albedo_; }
-  Vec3 Albedo() const { return albedo_; }
   bool HasDiffuse() const { return MaxComponent(albedo_) > 0; }
-  bool HasNonDeltaLobe() const { return HasDiffuse(); }
 
   /// Bsdf::Evaluate.
   BsdfValue Evaluate(Vec3 wi, float* pdf) const {

@@ -13,8 +13,8 @@ struct TracingPlan {
   /// Levels that are kept apart, 0 to layers::kMaxDepth. Light of deeper levels is traced all the same and
   /// belongs to the remainder.
   int levels = layers::kMaxDepth;
-  /// Scenes whose only lobe is diffuse are traced by code for that lobe alone; others are not affected. The
-  /// result has the same bits.
+  /// Scenes whose only lobe is diffuse get no table of reflection; others are not affected. The result has
+  /// the same bits.
   bool diffuse_code = false;
   /// Meshes whose textures and vertex colours cut out nothing are opaque in spite of their alpha mode. The
   /// result has the same bits.

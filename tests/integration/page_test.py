@@ -137,6 +137,7 @@ class PageTest(PageCase):
         self.assertIn(HOSTILE[:8], json.loads(body)["error"]["message"])
         self.assertEqual(link.request("GET", "/<script>")[0], 404)
         self.farm.client("cancel", job)
+        self.assertEqual(link.call("PauseJob", job_id=job)[0], 409, "it has ended")
 
     def test_garbage_is_refused_and_the_page_stays(self):
         link = self.link(self.farm)

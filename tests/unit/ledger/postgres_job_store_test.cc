@@ -102,6 +102,13 @@ TEST_F(PostgresJobStoreTest, AnErrorsClassSaysWhetherItIsTheStorages) {
   }
 }
 
+TEST(StoreAddress, AnErrorThatQuotesThePasswordHidesIt) {
+  const absl::Status refused =
+      PostgresConnection::Open("host=127.0.0.1 port=1 dbname=farm password=hidden sslmode=hidden").status();
+  EXPECT_THAT(std::string(refused.message()), HasSubstr("\"***\""));
+  EXPECT_THAT(std::string(refused.message()), Not(HasSubstr("hidden")));
+}
+
 TEST_F(PostgresJobStoreTest, NoErrorHasThePassword) {
   const std::string wrong = absl::StrReplaceAll(server_->uri(), {{"secret%2Fword", "other%2Fsecret"}});
   const std::string malformed = absl::StrReplaceAll(server_->uri(), {{"@/farm", "@[/farm"}});

@@ -244,6 +244,14 @@ TEST_F(ListenerTest, StopClosesTheDoor) {
   const int silent = Connect("");
   listener_->Stop();
   EXPECT_TRUE(IsClosed(silent));
+  const int late = socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in address = {};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(static_cast<uint16_t>(listener_->port()));
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  EXPECT_EQ(connect(late, reinterpret_cast<sockaddr*>(&address), sizeof address), -1);
+  EXPECT_EQ(errno, ECONNREFUSED);
+  close(late);
 }
 
 }  // namespace

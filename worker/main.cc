@@ -21,7 +21,6 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "absl/time/clock.h"
 #include "filter/image/memory.h"
 #include "proto/identity/certificate.h"
 #include "proto/identity/join.h"
@@ -387,7 +386,7 @@ absl::StatusOr<std::function<std::string()>> MakeRestReason(const TimeFlags& fla
   if (!flags.hours.has_value() && !flags.only_idle.has_value()) return std::function<std::string()>();
   lumifold::worker::AvailabilityOptions options = {.hours = flags.hours,
                                                    .zone = absl::LocalTimeZone(),
-                                                   .wall_now = absl::Now,
+                                                   .wall_now = lumifold::identity::ValidityClock,
                                                    .max_load = flags.only_idle,
                                                    .now = lumifold::rpc::MonotonicNow};
   if (flags.only_idle.has_value()) {

@@ -1,5 +1,6 @@
 #include "filter/layers/recombination.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -108,7 +109,8 @@ Picture PictureOf(const Frame& frame, const FrameChange& change, TaskPool* pool)
   for (size_t c = 0; c < 3; ++c) {
     ForEachPixel(pool, frame.width, frame.height, [&](int x, int y) {
       float& value = picture[c].At(x, y);
-      value = UsableOr0(UsableOr0(value) + mean[c].At(x, y));
+      const float noisy = UsableOr0(value);
+      value = std::max(UsableOr0(noisy + mean[c].At(x, y)), std::min(0.0f, noisy));
     });
   }
   return picture;

@@ -23,6 +23,8 @@ constexpr float kSameDepth = 0.05f;  // largest relative change of depth within 
 constexpr int kEstimateRadius = 7;   // 15x15 window
 constexpr float kResponse =
     6.0f;  // standard deviation of the second difference of white noise of deviation 1
+/// Times every other pixel within kEstimateRadius that a single one is brighter to be an outlier.
+constexpr float kOutlier = 4;
 constexpr float kMeanToSigma =
     1.2533141f;  // sqrt(pi / 2): from mean magnitude to deviation, for a normal variable
 
@@ -129,29 +131,64 @@ void AddHalves(std::string_view layer, const Planes& noise, LayeredImage* film) 
 /// A layer of light by name, its mean and the layer that multiplies it.
 struct LightLayer {
   std::string_view name;
-  ConstColorView light;
-  ConstColorView factor;
+  ColorView light;
+  ColorView factor;
 };
 
-std::vector<LightLayer> LightLayersOf(const LayeredImage& film) {
-  const ConstColorView albedo = film.GetColor(layers::kAlbedo);
-  std::vector<LightLayer> all = {{layers::kDirect, film.GetColor(layers::kDirect), albedo},
-                                 {layers::kIndirect, film.GetColor(layers::kIndirect), albedo}};
+std::vector<LightLayer> LightLayersOf(LayeredImage* film) {
+  const ColorView albedo = film->GetColor(layers::kAlbedo);
+  std::vector<LightLayer> all = {{layers::kDirect, film->GetColor(layers::kDirect), albedo},
+                                 {layers::kIndirect, film->GetColor(layers::kIndirect), albedo}};
   for (const layers::LobeLayer& lobe : layers::kLobeLayers) {
-    if (film.HasColor(lobe.light) && film.HasColor(lobe.factor))
-      all.push_back({lobe.light, film.GetColor(lobe.light), film.GetColor(lobe.factor)});
+    if (film->HasColor(lobe.light) && film->HasColor(lobe.factor))
+      all.push_back({lobe.light, film->GetColor(lobe.light), film->GetColor(lobe.factor)});
   }
   return all;
 }
 
-/// C without E.
-Planes Unemitted(const LayeredImage& film, TaskPool* pool) {
-  const Frame frame(film);
-  return WithoutEmission(frame, frame.combined.mean, pool);
+/// The largest channel's magnitude; unusable values count as 0.
+template <typename Color>
+float MagnitudeAt(const Color& color, int x, int y) {
+  float most = 0;
+  for (size_t c = 0; c < 3; ++c) most = std::max(most, std::abs(UsableOr0(color[c].At(x, y))));
+  return most;
+}
+
+/// That of the brightest other pixel within a radius.
+template <typename Color>
+float BrightestOther(const Color& color, int radius, int x, int y) {
+  float most = 0;
+  for (int j = std::max(y - radius, 0); j <= std::min(y + radius, color[0].height() - 1); ++j) {
+    for (int i = std::max(x - radius, 0); i <= std::min(x + radius, color[0].width() - 1); ++i) {
+      if (i != x || j != y) most = std::max(most, MagnitudeAt(color, i, j));
+    }
+  }
+  return most;
+}
+
+/// Whether a value is no more than noise may make of light like that of the pixels around (x, y).
+template <typename Color>
+bool IsOutlier(float magnitude, const Color& around, int x, int y) {
+  // The next pixels tell of nearly all.
+  return magnitude > kOutlier * BrightestOther(around, 1, x, y) &&
+         magnitude > kOutlier * BrightestOther(around, kEstimateRadius, x, y);
+}
+
+/// Makes outliers as bright as the brightest pixel around them.
+void CutOutliers(const ColorView& layer, TaskPool* pool) {
+  Planes cut = ClonePlanes({layer[0], layer[1], layer[2]});
+  ForEachPixel(pool, layer[0].width(), layer[0].height(), [&](int x, int y) {
+    const float magnitude = MagnitudeAt(layer, x, y);
+    if (!IsOutlier(magnitude, layer, x, y)) return;
+    const float keep = BrightestOther(layer, kEstimateRadius, x, y) / magnitude;
+    for (Plane& plane : cut) plane.At(x, y) *= keep;
+  });
+  for (size_t c = 0; c < 3; ++c) CopyPlane(cut[c].view(), layer[c]);
 }
 
 /// sum += sign * light * factor; unusable values count as 0.
-void AddProduct(float sign, const ConstColorView& light, const ConstColorView& factor, Planes* sum) {
+template <typename Light>
+void AddProduct(float sign, const Light& light, const ColorView& factor, Planes* sum) {
   for (size_t c = 0; c < 3; ++c) {
     ForEachPixel(light[c].width(), light[c].height(), [&](int x, int y) {
       (*sum)[c].At(x, y) += sign * UsableOr0(light[c].At(x, y) * factor[c].At(x, y));
@@ -159,19 +196,55 @@ void AddProduct(float sign, const ConstColorView& light, const ConstColorView& f
   }
 }
 
+/// `rest` without the products of light.
+Planes Remaining(const Planes& rest, const std::vector<LightLayer>& lights) {
+  Planes left = Clone(rest);
+  for (const LightLayer& layer : lights) AddProduct(-1, layer.light, layer.factor, &left);
+  return left;
+}
+
+/// Takes single pixels that are far too bright in any layer out of it and of C: nothing tells without halves
+/// whether such light is noise, and each window that sees it would take all its light for noise. Result: what
+/// the other layers leave of C.
+Planes TakeOutliers(const std::vector<LightLayer>& lights, TaskPool* pool, LayeredImage* film) {
+  const ColorView noisy = film->GetColor(layers::kNoisy);
+  const ColorView emission = film->GetColor(layers::kEmission);
+  const Frame frame(std::as_const(*film));
+  const Planes reflected = WithoutEmission(frame, frame.combined.mean, pool);
+  for (const LightLayer& layer : lights) CutOutliers(layer.factor, pool);
+  const Planes whole = Remaining(reflected, lights);
+  for (const LightLayer& layer : lights) CutOutliers(layer.light, pool);
+  Planes rest = Remaining(reflected, lights);
+  const Planes before = ClonePlanes(frame.combined.mean);
+  ForEachPixel(pool, film->width(), film->height(), [&](int x, int y) {
+    const bool is_in_both = MagnitudeAt(whole, x, y) < MagnitudeAt(rest, x, y);
+    const Planes& left = is_in_both ? whole : rest;
+    const bool is_outlier = IsOutlier(MagnitudeAt(left, x, y), reflected, x, y);
+    if (!is_in_both && !is_outlier) return;
+    const bool is_wrong = is_in_both || IsOutlier(MagnitudeAt(before, x, y), before, x, y);
+    for (size_t c = 0; c < 3; ++c) {
+      const float of_lights = reflected[c].At(x, y) - rest[c].At(x, y);
+      rest[c].At(x, y) = is_outlier ? 0.0f : left[c].At(x, y);
+      if (is_wrong)
+        noisy[c].At(x, y) = of_lights + UsableOr0(emission[c].At(x, y)) + rest[c].At(x, y);
+      else  // C is as bright as around: E is wrong
+        emission[c].At(x, y) = std::max(0.0f, noisy[c].At(x, y) - of_lights);
+    }
+  });
+  return rest;
+}
+
 }  // namespace
 
 void SplitIntoHalves(LayeredImage* film, TaskPool* pool, int x0, int y0) {
   const Plane uniform = UniformMask(*film, pool);
   const PseudoNoise noise_of{uniform, x0, y0, pool};
-  const std::vector<LightLayer> light_layers = LightLayersOf(*film);  // its planes stay where they are
-  Planes rest = Unemitted(*film, pool);
-  for (const LightLayer& layer : light_layers) AddProduct(-1, layer.light, layer.factor, &rest);
-  Planes noisy = noise_of(0, ViewOf(rest));
+  const std::vector<LightLayer> light_layers = LightLayersOf(film);  // its planes stay where they are
+  Planes noisy = noise_of(0, ViewOf(TakeOutliers(light_layers, pool, film)));
   uint64_t number = 0;
   for (const LightLayer& layer : light_layers) {
-    const Planes noise = noise_of(++number, layer.light);
-    AddProduct(1, ViewOf(noise), layer.factor, &noisy);
+    const Planes noise = noise_of(++number, {layer.light[0], layer.light[1], layer.light[2]});
+    AddProduct(1, noise, layer.factor, &noisy);
     AddHalves(layer.name, noise, film);
   }
   AddHalves(layers::kNoisy, noisy, film);

@@ -101,6 +101,43 @@ TEST(SinglePicture, LetsTheFilterTakeMostOfTheNoise) {
   EXPECT_LT(metrics::Mse255(filtered, truth, 1), 0.2 * before);
 }
 
+/// The filtered picture of a film without halves, a pixel of which is `value` in some of its layers.
+Picture WithOutlier(const std::vector<std::string_view>& layers, float value, int x, int y) {
+  LayeredImage film = WithoutHalves(MakeSyntheticFilm(kPictureWidth, kPictureHeight, 0.3f, 9).film);
+  for (const std::string_view layer : layers) {
+    for (const FloatView& channel : film.GetColor(layer)) channel.At(x, y) = value;
+  }
+  SplitIntoHalves(&film, nullptr);
+  return *FilterFilm(film, "default", nullptr);
+}
+
+TEST(SinglePicture, NoSinglePixelOfAnyBrightnessMovesOthers) {
+  constexpr float kMostMoved = 0.05f;  // a bright lamp changes what others count relative to the mean
+  const Picture without = WithOutlier({}, 0, 0, 0);
+  using Layers = std::vector<std::string_view>;
+  for (const Layers& layers :
+       {Layers{layers::kNoisy}, Layers{layers::kDirect}, Layers{layers::kIndirect}, Layers{layers::kAlbedo},
+        Layers{layers::kEmission}, Layers{layers::kNoisy, layers::kDirect},
+        Layers{layers::kNoisy, layers::kIndirect}, Layers{layers::kNoisy, layers::kEmission}}) {
+    for (const auto& [x, y] : {std::pair(40, 100), std::pair(90, 60)}) {
+      for (const float value : {30.0f, 1e4f, 1e9f, 1e30f}) {
+        const Picture picture = WithOutlier(layers, value, x, y);
+        float moved = 0;
+        float least = 0;
+        for (size_t c = 0; c < 3; ++c) {
+          ForEachPixel(kPictureWidth, kPictureHeight, [&](int i, int j) {
+            least = std::min(least, picture[c].At(i, j));
+            if (std::abs(i - x) > 2 || std::abs(j - y) > 2)
+              moved = std::max(moved, std::abs(picture[c].At(i, j) - without[c].At(i, j)));
+          });
+        }
+        EXPECT_LT(moved, kMostMoved) << layers.back() << " of " << layers.size() << " " << value << " " << x;
+        EXPECT_GE(least, 0) << layers.back() << " of " << layers.size() << " " << value << " " << x;
+      }
+    }
+  }
+}
+
 TEST(SinglePicture, IsTheSameForAnyPool) {
   const auto halves_by = [](TaskPool* pool) {
     LayeredImage film = WithoutHalves(MakeSyntheticFilm(kPictureWidth, kPictureHeight, 0.4f, 9).film);

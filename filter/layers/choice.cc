@@ -27,9 +27,9 @@ using MeanTerms = std::array<float, kTerms>;
 /// variances. A pixel of leverage h, its part of sum(d), draws t towards itself, which makes residuals too
 /// small by 1 - h, and without it t may be smaller by h t: what a single pixel alone asks for, such as a
 /// firefly that both halves have hit, is not significant. For all leverages stands their mean. `mean`: over
-/// `cells` cells. With `by_pixel` leverage counts as far as the halves may have agreed by chance: many samples
-/// tell by themselves what one pixel shows. They do not tell of others, so that leverage counts in full over
-/// windows wider than what looks alike.
+/// `cells` cells. With `by_pixel` leverage counts as far as the halves may have agreed by chance: many
+/// samples tell by themselves what one pixel shows. They do not tell of others, so that leverage counts in
+/// full over windows wider than what looks alike.
 template <bool by_pixel>
 float VarianceOf(float t, const MeanTerms& mean, float cells) {
   constexpr float kMostLeverage = 0.99f;

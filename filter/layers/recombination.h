@@ -45,8 +45,8 @@ void AddFiltered(const Product& product, const FilteredLayer& layer, TaskPool* p
 void AddReturned(const Frame& frame, const Product& product, const FilteredLayer& layer, TaskPool* pool,
                  Planes* returned);
 
-/// C + the mean of the change; no light becomes negative. What the filter left alone passes through to the last
-/// bit. W x H, R G B.
+/// C + the mean of the change; no light becomes negative. What the filter left alone passes through to the
+/// last bit. W x H, R G B.
 Picture PictureOf(const Frame& frame, const FrameChange& change, TaskPool* pool);
 
 /// How far noise may have moved that picture: FilteredPicture::deviation. Unusable values count as 0.

@@ -122,7 +122,7 @@ class Renderer {
   PathTracer tracer_;
   std::vector<std::string> warnings_;
   mutable EdgeMaskCache masks_;
-  size_t stream_packets_ = 32;  // that a pass traces together
+  size_t stream_packets_ = 16;  // that a pass traces together
 };
 
 }  // namespace lumifold::render

@@ -48,7 +48,7 @@ uint64_t HashOf(const std::vector<uint8_t>& bytes) {
   return hash;
 }
 
-std::string ErrorOf(const std::string& bytes) {
+std::string Ktx2ErrorOf(const std::string& bytes) {
   return std::string(DecodeKtx2(bytes, kEnoughPixels).status().message());
 }
 
@@ -147,32 +147,33 @@ TEST(Ktx2, HonoursChannelsAndSwizzle) {
   EXPECT_THAT(PixelOf({.key = "KTXswizzle", .value = "bg1r"}), ElementsAre(30, 20, 255, 10));
   EXPECT_THAT(PixelOf({.channel = 5, .key = "KTXswizzle", .value = "rrrg"}), ElementsAre(10, 10, 10, 40));
   EXPECT_THAT(PixelOf({.key = "KTXorientation", .value = "rd"}), ElementsAre(10, 20, 30, 40));
-  EXPECT_THAT(ErrorOf(OnePixelFile{.key = "KTXswizzle", .value = "rgbx"}.Bytes()), HasSubstr("KTXswizzle"));
+  EXPECT_THAT(Ktx2ErrorOf(OnePixelFile{.key = "KTXswizzle", .value = "rgbx"}.Bytes()),
+              HasSubstr("KTXswizzle"));
 }
 
 TEST(Ktx2, RefusesWhatIsNoTexture) {
-  EXPECT_EQ(ErrorOf(OnePixelFile{.key = "KTXorientation", .value = "ru"}.Bytes()),
+  EXPECT_EQ(Ktx2ErrorOf(OnePixelFile{.key = "KTXorientation", .value = "ru"}.Bytes()),
             "a KTX2 picture that is not stored from the top left is no texture");
-  EXPECT_EQ(ErrorOf(OnePixelFile{.flags = 1}.Bytes()),
+  EXPECT_EQ(Ktx2ErrorOf(OnePixelFile{.flags = 1}.Bytes()),
             "a KTX2 picture whose alpha is premultiplied is no texture");
-  EXPECT_EQ(ErrorOf(OnePixelFile{.color_model = 167}.Bytes()),
+  EXPECT_EQ(Ktx2ErrorOf(OnePixelFile{.color_model = 167}.Bytes()),
             "a KTX2 picture of color model 167 (glTF has only ETC1S and UASTC)");
   std::string bytes = OnePixelFile().Bytes();
   SetNumber(&bytes, 12, 37);
-  EXPECT_EQ(ErrorOf(bytes), "a KTX2 picture of Vulkan format 37 (glTF has only ETC1S and UASTC)");
+  EXPECT_EQ(Ktx2ErrorOf(bytes), "a KTX2 picture of Vulkan format 37 (glTF has only ETC1S and UASTC)");
   for (const size_t depth_layers_faces : {28, 32, 36}) {
     bytes = OnePixelFile().Bytes();
     SetNumber(&bytes, depth_layers_faces, 6);
-    EXPECT_EQ(ErrorOf(bytes), "a KTX2 picture that is not a single 2D picture is no texture");
+    EXPECT_EQ(Ktx2ErrorOf(bytes), "a KTX2 picture that is not a single 2D picture is no texture");
   }
   bytes = OnePixelFile().Bytes();
   SetNumber(&bytes, 44, 3);
-  EXPECT_EQ(ErrorOf(bytes), "a KTX2 picture of UASTC with supercompression 3");
+  EXPECT_EQ(Ktx2ErrorOf(bytes), "a KTX2 picture of UASTC with supercompression 3");
   bytes = ReadSample("etc1s-1x1");
   const size_t image_flags =
       20 + static_cast<unsigned char>(bytes[64]) + 256u * static_cast<unsigned char>(bytes[65]);
   SetNumber(&bytes, image_flags, 2);
-  EXPECT_EQ(ErrorOf(bytes), "a KTX2 picture that depends on another frame is no texture");
+  EXPECT_EQ(Ktx2ErrorOf(bytes), "a KTX2 picture that depends on another frame is no texture");
 }
 
 TEST(Ktx2, RefusesBombsBeforeTheyTakeMemory) {
@@ -193,7 +194,7 @@ TEST(Ktx2, RefusesBombsBeforeTheyTakeMemory) {
   bytes = ReadSample("uastc-zstd-mipmaps-64x48");
   SetNumber(&bytes, 20, 60);
   SetNumber(&bytes, 96, 15 * 12 * 16, 8);
-  EXPECT_THAT(ErrorOf(bytes), HasSubstr("damaged KTX2: Destination buffer is too small"));
+  EXPECT_THAT(Ktx2ErrorOf(bytes), HasSubstr("damaged KTX2: Destination buffer is too small"));
 }
 
 }  // namespace

@@ -48,6 +48,7 @@ v1::Plan StoredPlan(const v1::Plan& delivered) {
   plan.set_probe_seconds(delivered.probe_seconds());
   plan.set_seconds_per_sample(delivered.seconds_per_sample());
   plan.set_noise(delivered.noise());
+  plan.set_memory_bytes(delivered.memory_bytes());
   *plan.mutable_tile_order() = delivered.tile_order();
   return plan;
 }

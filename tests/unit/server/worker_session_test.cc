@@ -158,10 +158,12 @@ TEST_F(WorkerSessionTest, PassesOnAPlanWithBoundedTexts) {
   *message.mutable_plan()->mutable_unit() = ProtoFromUnit(unit);
   message.mutable_plan()->set_attempt(kAttempt.value());
   message.mutable_plan()->mutable_plan()->add_decisions()->set_reason(std::string(100'000, 'x'));
+  message.mutable_plan()->mutable_plan()->set_memory_bytes(12345);
   message.mutable_plan()->mutable_plan()->set_numeric_class("its own");  // is the coordinator's to say
   EXPECT_CALL(workers_, DeliverPlan(kWorker, unit, kAttempt, _))
       .WillOnce([](job::WorkerId, const job::UnitRef&, job::Attempt, const v1::Plan& plan) {
         EXPECT_LE(plan.decisions(0).reason().size(), rpc::kMaxReasonBytes);
+        EXPECT_EQ(plan.memory_bytes(), 12345u);
         EXPECT_EQ(plan.numeric_class(), "");
         return absl::InvalidArgumentError("not valid");
       });

@@ -406,10 +406,13 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const std::string& addres
   return lumifold::rpc::MakeChannel(address, security, lumifold::rpc::kQuickKeepAlive);
 }
 
-void LogStart(const Flags& flags, const Target& target, uint64_t memory_bytes, spdlog::logger& log) {
+void LogStart(const Flags& flags, const Target& target, uint64_t memory_bytes, const absl::Status& has_cache,
+              spdlog::logger& log) {
   log.info("event=start name={} server={} threads={} memory_mb={} class={}",
            lumifold::logging::OneWord(flags.name), absl::StrJoin(target.servers, ","), flags.threads,
            memory_bytes >> 20, lumifold::render::NumericClass());
+  if (!has_cache.ok())  // what is cached is a convenience: it works without
+    log.warn("event=no_asset_cache error={}", lumifold::logging::Quoted(has_cache.message()));
 }
 
 lumifold::worker::WorkerLog MakeLog(const Flags& flags, const std::string& name) {
@@ -459,9 +462,7 @@ int RunWorkerProcess(const Flags& flags) {
   const lumifold::worker::WorkerLog worker_log = MakeLog(flags, name);
   const std::shared_ptr<spdlog::logger>& log = worker_log.log;
   LogSandbox(flags, *sandboxed, *log);
-  LogStart(flags, *target, *memory_bytes, *log);
-  if (!has_cache.ok())  // what is cached is a convenience: it works without
-    log->warn("event=no_asset_cache error={}", lumifold::logging::Quoted(has_cache.message()));
+  LogStart(flags, *target, *memory_bytes, has_cache, *log);
   if (metrics->has_value()) log->info("event=metrics address={}", (*metrics)->address);
   const lumifold::worker::CertificateRenewal renewal({.profiles = profiles,
                                                       .profile = target->profile,
@@ -477,8 +478,8 @@ int RunWorkerProcess(const Flags& flags) {
       .renders = flags.finish != "only",
       .finishing = PlacesOf(flags, *memory_bytes),
       .log = worker_log,
-      .asset_folder = has_cache.ok() ? flags.asset_cache.folder : "",
-      .asset_folder_bytes = flags.asset_cache.gb << 30,
+      .assets = {.folder = has_cache.ok() ? flags.asset_cache.folder : "",
+                 .max_bytes = flags.asset_cache.gb << 30},
       .leave = &leave,
       .drain = absl::Seconds(flags.times.drain_seconds),
       .rest_reason = *rest_reason,

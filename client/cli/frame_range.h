@@ -43,13 +43,13 @@ absl::StatusOr<Frames> ParseFrames(absl::string_view text);
 /// Ranges of a job, at most: as many as a coordinator takes.
 inline constexpr size_t kMaxFrameRanges = 1025;
 
-/// Whether the file name contains a placeholder for the frame number: two or more #, or one that ends the name
-/// before its extension. Any other # is a part of the name ("chair #3.exr").
+/// Whether the file name contains a placeholder for the frame number: two or more #, or one that ends the
+/// name before its extension. Any other # is a part of the name ("chair #3.exr").
 bool HasFrameNumber(const std::string& path);
 
-/// Path of a frame's file: the placeholder in the file name (the last one) is replaced by the frame number, padded with
-/// zeros to the length of the run; a longer number is not cut. A name without one and the folder are not
-/// changed.
+/// Path of a frame's file: the placeholder in the file name (the last one) is replaced by the frame number,
+/// padded with zeros to the length of the run; a longer number is not cut. A name without one and the
+/// folder are not changed.
 std::string PathOfFrame(const std::string& path, int frame);
 
 }  // namespace lumifold::client

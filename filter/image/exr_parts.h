@@ -53,8 +53,8 @@ bool IsExrList(const Imf::Header& header);
 /// The string attributes of a header.
 std::map<std::string, std::string> ExrMetadata(const Imf::Header& header);
 
-/// What a picture that is made of a file keeps of it: its windows and all attributes, those apart that say how
-/// its pixels are stored.
+/// What a picture that is made of a file keeps of it: its windows and all attributes, those apart that say
+/// how its pixels are stored.
 struct ExrOrigin {
   Imf::Header header;
 };

@@ -15,8 +15,9 @@ namespace lumifold {
 inline constexpr char kPartialSuffix[] = ".partial";
 
 /// A file that is written atomically: it is written under a temporary name and renamed at the end. If the
-/// object is destroyed before that, the temporary file is deleted. It has the mode of the file that it replaces;
-/// a symbolic link stays, and what it names is replaced. Private files (FileSystem::IsPrivate) do neither.
+/// object is destroyed before that, the temporary file is deleted. It has the mode of the file that it
+/// replaces; a symbolic link stays, and what it names is replaced. Private files (FileSystem::IsPrivate) do
+/// neither.
 /// Errors: kUnavailable with path and system message.
 class AtomicFile {
  public:

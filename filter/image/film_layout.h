@@ -11,8 +11,9 @@
 namespace lumifold {
 
 /// The names of a film's layers in the files of some renderer. A role is the sum of any number of layers of
-/// the file; of those called `combined` the first that there is counts. "" is the layer of plain R, G and B. Colours are in channels LAYER.R LAYER.G LAYER.B; normals in .X .Y .Z (or .R .G .B); depth in the
-/// one channel LAYER.Z, .V, .Y or .R.
+/// the file; of those called `combined` the first that there is counts. "" is the layer of plain R, G and
+/// B. Colours are in channels LAYER.R LAYER.G LAYER.B; normals in .X .Y .Z (or .R .G .B); depth in the one
+/// channel LAYER.Z, .V, .Y or .R.
 struct FilmLayout {
   enum Role {
     kCombined,
@@ -41,9 +42,9 @@ struct FilmLayout {
 ///         `combined`.
 absl::StatusOr<FilmLayout> ParseFilmLayout(const std::string& name, const std::string& text);
 
-/// The built-in layouts: "lumifold" for our own pictures; "cycles", "arnold" and "vray" for the passes of these
-/// renderers; "plain" for a picture of R, G and B, with an albedo, normals and depth if it has them by one of
-/// their usual names. Null for any other name.
+/// The built-in layouts: "lumifold" for our own pictures; "cycles", "arnold" and "vray" for the passes of
+/// these renderers; "plain" for a picture of R, G and B, with an albedo, normals and depth if it has them
+/// by one of their usual names. Null for any other name.
 const FilmLayout* FindFilmLayout(std::string_view name);
 
 /// The name of the first built-in layout whose most important layers the file has: those of our own, of a

@@ -11,8 +11,8 @@ namespace lumifold {
 /// Whether the bytes start like a Radiance picture ("#?").
 bool LooksLikeHdr(std::string_view bytes);
 
-/// Decodes a Radiance picture (.hdr, RGBE or XYZE): flat scan lines, old and new run-length coding, any of the eight
-/// orientations.
+/// Decodes a Radiance picture (.hdr, RGBE or XYZE): flat scan lines, old and new run-length coding, any of
+/// the eight orientations.
 /// Shapes:  channels R, G, B, first row at the top.
 /// Units:   as in the file, divided by its EXPOSURE=.
 /// Errors:  kInvalidArgument beginning with `name` for anything that is not a complete picture

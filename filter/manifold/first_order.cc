@@ -18,9 +18,10 @@ float PositionOf(int pixel, int size, float unit_px) {
   return (static_cast<float>(pixel) - 0.5f * static_cast<float>(size - 1)) / unit_px;
 }
 
-/// Calls write(c, value) with the value at (x0, y0) of the plane of each signal: the mean light plus slope times
-/// the offset from the mean position. Samples tell nothing of places far beyond them, where rounding would
-/// decide: an offset of more than kMostDeviations deviations is cut to them. `read(k)`: the mean of moment k.
+/// Calls write(c, value) with the value at (x0, y0) of the plane of each signal: the mean light plus slope
+/// times the offset from the mean position. Samples tell nothing of places far beyond them, where rounding
+/// would decide: an offset of more than kMostDeviations deviations is cut to them. `read(k)`: the mean of
+/// moment k.
 template <typename Read, typename Write>
 void ReadPlanes(size_t signals, const Read& read, float ridge, float x0, float y0, const Write& write) {
   const size_t position = signals;

@@ -78,8 +78,8 @@ struct KindCounts {
 /// the same memory (rounded down by less than 1/32, so that there are few kinds), are of one kind; kinds have
 /// numbers from 0 on. A call takes O(log n) unless it says otherwise.
 ///
-/// A worker is available unless it has no slots or is unresponsive, draining, resting, blocked or cooling down;
-/// it is free if it is available, not reserved, and has a free slot.
+/// A worker is available unless it has no slots or is unresponsive, draining, resting, blocked or cooling
+/// down; it is free if it is available, not reserved, and has a free slot.
 ///
 /// Threads: one at a time.
 class WorkerPool {

@@ -419,7 +419,7 @@ class Worker {
         assets_(MakeRemoteAssetSource(&current_, options.log.labels)),
         folder_(
             &fetched_,
-            {.path = options.asset_folder, .max_bytes = options.asset_folder_bytes, .log = options.log.log}),
+            {.path = options.assets.folder, .max_bytes = options.assets.max_bytes, .log = options.log.log}),
         spec_source_(MakeRemoteSpecSource(&current_, options.log.labels)),
         frame_link_(MakeRemoteFrameLink(&current_, options.log.labels)),
         impl_(options.threads, &specs_, &renderer_, options.log,
@@ -459,7 +459,7 @@ class Worker {
   const std::unique_ptr<AssetSource> assets_;
   CountedAssets fetched_{assets_.get()};
   AssetFolder folder_;
-  AssetCache cache_{options_.asset_folder.empty() ? static_cast<AssetSource*>(&fetched_) : &folder_,
+  AssetCache cache_{options_.assets.folder.empty() ? static_cast<AssetSource*>(&fetched_) : &folder_,
                     kAssetCacheBytes};
   UnitRenderer renderer_{&cache_, options_.threads};
   const std::unique_ptr<SpecSource> spec_source_;

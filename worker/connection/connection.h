@@ -28,6 +28,12 @@ struct FinishPlaces {
   uint64_t memory_bytes = 0;
 };
 
+/// Where assets are kept for other workers of this machine and later ones, see AssetFolder.
+struct KeptAssets {
+  std::string folder = {};  // empty: in memory alone
+  uint64_t max_bytes = uint64_t{20} << 30;
+};
+
 struct WorkerOptions {
   /// Host and process, for the coordinator's log.
   std::string name;
@@ -41,10 +47,7 @@ struct WorkerOptions {
   bool renders = true;
   FinishPlaces finishing = {};
   WorkerLog log = SilentLog();
-  /// Where assets are kept for other workers of this machine and later ones, see AssetFolder; empty: in
-  /// memory alone.
-  std::string asset_folder = {};
-  uint64_t asset_folder_bytes = uint64_t{20} << 30;
+  KeptAssets assets = {};
 
   /// Once it is notified the worker leaves: it takes no more leases, hands back those that wait, finishes the
   /// units being rendered within `drain`, hands back the others, and ends. So it does when an operator drains

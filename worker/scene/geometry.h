@@ -22,11 +22,11 @@ class GeometryReader {
         budget_{limits.max_triangles, limits.max_vertices},
         diagnostics_(diagnostics) {}
 
-  /// A Mesh of separate triangles of `material`, deformed by `deformation`; nullopt if there are none to draw (points,
-  /// lines, all degenerate). Strips and fans become triangles, unused vertices are removed, and tangents are
-  /// generated if a normal texture needs them. Triangles whose normal cannot be computed in float are dropped
-  /// and counted, and so are primitives of points and lines. Errors: kInvalidArgument starting with `place`;
-  /// kResourceExhausted.
+  /// A Mesh of separate triangles of `material`, deformed by `deformation`; nullopt if there are none to
+  /// draw (points, lines, all degenerate). Strips and fans become triangles, unused vertices are removed,
+  /// and tangents are generated if a normal texture needs them. Triangles whose normal cannot be computed
+  /// in float are dropped and counted, and so are primitives of points and lines. Errors: kInvalidArgument
+  /// starting with `place`; kResourceExhausted.
   absl::StatusOr<std::optional<Mesh>> Read(const tinygltf::Primitive& primitive, int material,
                                            const Deformation& deformation, const std::string& place);
 

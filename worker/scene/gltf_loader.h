@@ -14,8 +14,8 @@ namespace lumifold::scene {
 /// it.
 using AssetReader = std::function<absl::StatusOr<std::string>(const std::string& uri)>;
 
-/// Decodes the file of a picture of at most `max_pixels` pixels: DecodeImage, or a cache in front of it. Called
-/// by several threads at a time.
+/// Decodes the file of a picture of at most `max_pixels` pixels: DecodeImage, or a cache in front of it.
+/// Called by several threads at a time.
 using ImageDecoder = std::function<absl::StatusOr<SharedImage>(std::string_view file, int64_t max_pixels)>;
 
 /// Resource limits for one scene.
@@ -34,8 +34,8 @@ struct LoadOptions {
   /// Animation time in seconds. Before its first and after its last keyframe an animated property has that
   /// keyframe's value.
   double time_seconds = 0;
-  /// Name or number of the only animation that plays. Empty: all play together, but for those that move what an
-  /// earlier one moves, which are left out with a warning.
+  /// Name or number of the only animation that plays. Empty: all play together, but for those that move
+  /// what an earlier one moves, which are left out with a warning.
   std::string animation;
   /// Name or number of the variant of KHR_materials_variants that is shown; empty: none.
   std::string variant;

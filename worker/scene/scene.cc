@@ -63,8 +63,8 @@ class Extent {
   bool is_empty_ = true;
 };
 
-/// Sees the whole scene from the front, half to the right, and a little above, as photographers show products;
-/// as large as a frame of this aspect ratio allows, with a margin.
+/// Sees the whole scene from the front, half to the right, and a little above, as photographers show
+/// products; as large as a frame of this aspect ratio allows, with a margin.
 Camera FittedCamera(const Scene& scene, float aspect) {
   constexpr float kAzimuth = 0.55f;   // radians from the front towards the right
   constexpr float kElevation = 0.3f;  // radians above the horizon

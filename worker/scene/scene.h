@@ -170,8 +170,8 @@ struct PunctualLight {
 };
 
 struct Scene {
-  /// Where the file has the origin of all coordinates here, in metres: 0 unless the scene lies so far from its own
-  /// that floats would not hold its details.
+  /// Where the file has the origin of all coordinates here, in metres: 0 unless the scene lies so far from
+  /// its own that floats would not hold its details.
   std::array<double, 3> origin = {};
   std::vector<Mesh> meshes;
   std::vector<Instance> instances;
@@ -199,9 +199,9 @@ struct Bounds {
 /// A box around all instances in world space: the union of the transformed boxes of their meshes.
 Bounds WorldBounds(const Scene& scene);
 
-/// The camera of this name or number; the first one if `name` is empty. A scene without cameras gets a camera
-/// that views all of it from three quarters and slightly above, as large as a frame of this aspect ratio (width over
-/// height) allows. Error: kNotFound, naming the cameras that exist.
+/// The camera of this name or number; the first one if `name` is empty. A scene without cameras gets a
+/// camera that views all of it from three quarters and slightly above, as large as a frame of this aspect
+/// ratio (width over height) allows. Error: kNotFound, naming the cameras that exist.
 absl::StatusOr<Camera> FindCamera(const Scene& scene, const std::string& name, float aspect);
 
 }  // namespace lumifold::scene

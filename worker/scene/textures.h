@@ -20,12 +20,12 @@ class TextureTable {
   /// Errors: kInvalidArgument, naming the texture or image.
   absl::StatusOr<int> Use(int index);
 
-  /// The Scene's index of a texture whose green is the roughness 1 - `glossiness` * alpha of the Scene's texture
-  /// `texture`, and whose blue is 0.
+  /// The Scene's index of a texture whose green is the roughness 1 - `glossiness` * alpha of the Scene's
+  /// texture `texture`, and whose blue is 0.
   int RoughnessOfGlossiness(int texture, float glossiness);
 
-  /// Decodes the pictures of the textures in use. Files are read one at a time.
-  /// Errors: kInvalidArgument, kResourceExhausted, the reader's own; all name the image, the first of several.
+  /// Decodes the pictures of the textures in use. Files are read one at a time. Errors: kInvalidArgument,
+  /// kResourceExhausted, the reader's own; all name the image, the first of several.
   absl::Status DecodeImages(const AssetReader& reader);
 
  private:

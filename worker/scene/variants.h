@@ -18,8 +18,8 @@ absl::StatusOr<int> FindVariant(const std::vector<std::string>& names, const std
 /// The material of a primitive in that variant.
 int MaterialOf(const tinygltf::Primitive& primitive, int variant);
 
-/// Whether each material of the document may be seen in that variant: those of primitives, or all of a document
-/// without variants.
+/// Whether each material of the document may be seen in that variant: those of primitives, or all of a
+/// document without variants.
 std::vector<bool> MaterialsInUse(const tinygltf::Model& model, int variant);
 
 }  // namespace lumifold::scene

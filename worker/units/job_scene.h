@@ -27,8 +27,8 @@ struct JobScene {
   bool in_studio = false;  // the scene has no light: settings.environment is render::StudioEnvironment()
 };
 
-/// Loads the scene and the environment of a job, or lights the scene by a studio; `pool` decodes textures and makes their mip levels.
-/// `progress` grows by one for each file.
+/// Loads the scene and the environment of a job, or lights the scene by a studio; `pool` decodes textures
+/// and makes their mip levels. `progress` grows by one for each file.
 /// Errors: those of `fetch`, scene::LoadGltf and render::Environment::Create; kNotFound for a file that is
 /// not among the job's.
 absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchAsset fetch,

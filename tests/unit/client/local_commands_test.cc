@@ -38,8 +38,8 @@ TEST_F(RunClientTest, RefusesToCompareWhatDoesNotFit) {
   EXPECT_EQ(Run({"compare", small, large}), 2);
   EXPECT_EQ(Run({"compare", small, small, "--layer", "direct"}), 4);
   EXPECT_EQ(Run({"compare", small, folder_.File("none.exr")}), 4);
-  EXPECT_THAT(Err(), StartsWith("lumifold: " + small + " has 4x3 pixels, " + large + " has 5x3\nlumifold: " +
-                                small + ": has no colour layer 'direct'"));
+  EXPECT_THAT(Err(), StartsWith("lumifold: " + small + " has 4x3 pixels, " + large +
+                                " has 5x3\nlumifold: " + small + ": has no colour layer 'direct'"));
 }
 
 TEST_F(RunClientTest, ComparesByRegionAndWritesAHeatMap) {

@@ -60,7 +60,7 @@ TEST_F(StorageOutageTest, UnitsThatFindTheDiskFullAreKeptAndCommittedWhenThereIs
   EXPECT_EQ(worker->acknowledged().size(), 2u);
   EXPECT_EQ(coordinator_->jobs().GetJob(job.value())->state(), v1::JOB_STATE_RUNNING);
   const absl::Status refused = TrySubmit(Spec(5), "refused").status();
-  EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(refused.code(), absl::StatusCode::kUnavailable);
   EXPECT_THAT(std::string(refused.message()), HasSubstr("No space left on device"));
   EXPECT_EQ(coordinator_->submissions().ReceiveAsset(Spec().scene().file(), "ann").status(),
             coordinator_->resources().storage.status());
@@ -96,7 +96,7 @@ TEST_F(StorageOutageTest, ACancellationThatCannotBeRecordedSaysSoAndIsRecordedLa
   const job::JobId job = Submit(Spec());
   fault_.Set("EndJob");
   const absl::Status answer = Cancel(job);
-  EXPECT_EQ(answer.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(answer.code(), absl::StatusCode::kUnavailable);
   EXPECT_THAT(std::string(answer.message()), HasSubstr("database or disk is full"));
   fault_.Set("");
   {
@@ -215,11 +215,11 @@ TEST_F(StorageOutageTest, ABlockThatIsNotRecordedIsNotInForce) {
   ann.set_worker("ann");
   const auto state = [&] { return operators.ListWorkers({})->workers(0).state(); };
   fault_.Set("BlockWorker");
-  EXPECT_TRUE(absl::IsResourceExhausted(operators.BlockWorker(ann).status()));
+  EXPECT_TRUE(absl::IsUnavailable(operators.BlockWorker(ann).status()));
   EXPECT_EQ(state(), v1::WORKER_STATE_IDLE);
   fault_.Set("ReadmitWorker");
   ASSERT_TRUE(operators.BlockWorker(ann).ok());
-  EXPECT_TRUE(absl::IsResourceExhausted(operators.ReadmitWorker(ann).status()));
+  EXPECT_TRUE(absl::IsUnavailable(operators.ReadmitWorker(ann).status()));
   EXPECT_EQ(state(), v1::WORKER_STATE_BLOCKED) << "as it would be after a restart";
   fault_.Set("");
   ASSERT_TRUE(operators.ReadmitWorker(ann).ok());

@@ -108,6 +108,7 @@ TEST_F(RunClientTest, RendersAFileAFrame) {
 }
 
 TEST_F(RunClientTest, DownloadsAFileAFrame) {
+  farm_.jobs = {{"job-1", Job(v1::JOB_STATE_DONE)}};
   EXPECT_EQ(
       Run({"download", "job-1", "-o", folder_.File("a#.exr"), "--frames", "0-1", "--json", "--reproducible"}),
       0)
@@ -196,6 +197,7 @@ TEST_F(RunClientTest, CancelsARenderThatIsInterrupted) {
 }
 
 TEST_F(RunClientTest, DownloadsIntoPlace) {
+  farm_.jobs = {{"job-1", Job(v1::JOB_STATE_DONE)}};
   EXPECT_EQ(Run({"download", "job-1", "-o", folder_.File("out.exr"), "--reproducible", "--json"}), 0)
       << Err();
   EXPECT_EQ(folder_.Read("out.exr"), farm_.result);
@@ -232,7 +234,7 @@ TEST_F(RunClientTest, WatchPrintsAnObjectForEachStatus) {
 TEST_F(RunClientTest, ListsJobsUpToTheLimit) {
   farm_.jobs = {{"job-1", Job(v1::JOB_STATE_DONE)}, {"job-2", Job(v1::JOB_STATE_PLANNED)}};
   EXPECT_EQ(Run({"list", "--limit", "1"}), 0);
-  EXPECT_THAT(Out(), HasSubstr("job-1                done        100%"));
+  EXPECT_THAT(Out(), HasSubstr("job-1                done            100%"));
   EXPECT_THAT(Out(), testing::Not(HasSubstr("planned")));
 }
 

@@ -62,6 +62,7 @@ absl::StatusOr<ReopenPlan> ReopenPlan::Make(const ReopenedJob& job, const Reopen
   if (!named.ok()) return named.status();
   if (request.skip && (request.region.has_value() || request.filter_only))
     return absl::InvalidArgumentError("skip: not together with region or filter_only");
+  if (request.skip && IsDone(job.state)) return plan;  // all that it does not skip is finished
   if (request.region.has_value()) {
     absl::StatusOr<std::set<int32_t>> tiles = TilesNamed(job.spec, *request.region);
     if (!tiles.ok()) return tiles.status();
@@ -74,7 +75,7 @@ absl::StatusOr<ReopenPlan> ReopenPlan::Make(const ReopenedJob& job, const Reopen
   if (!adds_samples && !names_parts && !request.skip && !HasEnded(job.state)) return plan;
   const bool goes_on = request.skip || (!adds_samples && !names_parts && is_incomplete);
   if (absl::Status status = plan.PlanGaps(job, request, *named, goes_on); !status.ok()) return status;
-  if (request.skip && !plan.changes_gaps_ && (IsDone(job.state) || !HasEnded(job.state))) return plan;
+  if (request.skip && !plan.changes_gaps_ && !HasEnded(job.state)) return plan;
   if (goes_on) named->clear();
   if (!adds_samples && !request.filter_only) plan.again_frames_ = *named;
   plan.PlanFrames(job, request, *named);

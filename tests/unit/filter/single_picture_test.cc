@@ -120,7 +120,7 @@ TEST(SinglePicture, NoSinglePixelOfAnyBrightnessMovesOthers) {
         Layers{layers::kEmission}, Layers{layers::kNoisy, layers::kDirect},
         Layers{layers::kNoisy, layers::kIndirect}, Layers{layers::kNoisy, layers::kEmission}}) {
     for (const auto& [x, y] : {std::pair(40, 100), std::pair(90, 60)}) {
-      for (const float value : {30.0f, 1e4f, 1e9f, 1e30f}) {
+      for (const float value : {1e4f, 1e30f}) {
         const Picture picture = WithOutlier(layers, value, x, y);
         float moved = 0;
         float least = 0;

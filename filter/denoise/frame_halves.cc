@@ -89,15 +89,13 @@ Plane ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<Fra
     return picture;
   };
   const Choice choice(halves, LightOf(halves, picture_of(*change), pool), settings.choice, nullptr, pool);
-  const auto move = [&](const FrameChange& towards, const Candidate& picture) {
-    Plane share = choice.ShareOf(picture_of(*change), picture, pool);
-    for (size_t h = 0; h < 2; ++h) MoveTowards(towards[h], share, pool, &(*change)[h]);
+  const auto compare = [&](const FrameChange& with) {
+    Plane share = choice.ShareOf(picture_of(*change), picture_of(with), pool);
+    for (size_t h = 0; h < 2; ++h) MoveTowards(with[h], share, pool, &(*change)[h]);
     return share;
   };
-  for (const FrameChange& candidate : candidates) move(candidate, picture_of(candidate));
-  // The share is that of C as it is: what takes fireflies out of a half looks at the other.
-  const FrameChange without = WithoutFireflies(settings, pool, &halves);
-  return move(without, {Clone(halves.a), Clone(halves.b)});
+  for (const FrameChange& candidate : candidates) compare(candidate);
+  return compare(WithoutFireflies(settings, pool, &halves));
 }
 
 }  // namespace lumifold::filter

@@ -2,7 +2,6 @@
 
 #include <utility>
 
-#include "absl/types/span.h"
 #include "filter/edges/regression.h"
 #include "filter/layers/layer_fragments.h"
 #include "filter/layers/mixed_pixels.h"
@@ -22,22 +21,18 @@ bool HasBothHalves(const FrameState& state) {
   return pairs > 0;
 }
 
-/// Filters products of one surface.
-std::vector<FilteredLayer> FilterProducts(const FrameState& state, absl::Span<Product> products) {
-  std::vector<LayerFragments> fragments;
-  for (Product& product : products) {
-    product.is_mixed = MixedPart(state.mixed, product.box);
-    fragments.push_back(
-        LayerFragmentsOf(state.frame, state.fragments, product, state.settings.products.ranges));
-    UseDominantFeatures(fragments.back(), &product.geometry);
-  }
-  return RunLayers(state.layer_stages, state.settings.layer, products, std::move(fragments), state.off,
-                   state.watch, state.pool);
+FilteredLayer FilterProduct(const FrameState& state, Product* product) {
+  const FragmentSet& set = state.fragments;
+  product->is_mixed = MixedPart(state.mixed, product->box);
+  LayerFragments fragments = LayerFragmentsOf(state.frame, set, *product, state.settings.products.ranges);
+  UseDominantFeatures(fragments, &product->geometry);
+  return RunLayer(state.layer_stages, state.settings.layer, *product, std::move(fragments), state.off,
+                  state.watch, state.pool);
 }
 
 void RunFragments(FrameState* state) { state->fragments = FragmentsOf(state->frame); }
 
-void RunAllLayers(FrameState* state) {
+void RunLayers(FrameState* state) {
   const Frame& frame = state->frame;
   std::vector<Product> products = ProductsOf(frame, state->settings.products, state->pool);
   state->hits = products.front().box;
@@ -47,15 +42,10 @@ void RunAllLayers(FrameState* state) {
   state->rest = WithoutEmission(frame, state->pool);
   SubtractEmissionOfHalves(state->fragments, &state->rest);
   if (state->watch) state->watch("layers");  // the stages of each layer tell of themselves
-  for (size_t first = 0, last = 0; first < products.size(); first = last) {
-    do ++last;
-    while (last < products.size() && products[last].shares_surface);
-    const auto of_surface = absl::MakeSpan(products).subspan(first, last - first);
-    const std::vector<FilteredLayer> layers = FilterProducts(*state, of_surface);
-    for (size_t i = 0; i < layers.size(); ++i) {
-      AddFiltered(of_surface[i], layers[i], state->pool, &state->rest, &state->change);
-      AddReturned(frame, of_surface[i], layers[i], state->pool, &state->returned);
-    }
+  for (Product& product : products) {
+    const FilteredLayer layer = FilterProduct(*state, &product);
+    AddFiltered(product, layer, state->pool, &state->rest, &state->change);
+    AddReturned(frame, product, layer, state->pool, &state->returned);
   }
 }
 
@@ -64,7 +54,7 @@ void RunRemainder(FrameState* state) {
   if (IsRounding(state->rest, frame, state->pool)) return;
   Product rest = RemainderProduct(frame, state->hits, PictureOf(frame, state->change, state->pool),
                                   state->settings.products, state->pool, &state->rest);
-  const FilteredLayer layer = std::move(FilterProducts(*state, absl::MakeSpan(&rest, 1))[0]);
+  const FilteredLayer layer = FilterProduct(*state, &rest);
   AddFiltered(rest, layer, state->pool, nullptr, &state->change);
   AddReturned(frame, rest, layer, state->pool, &state->returned);
 }
@@ -108,7 +98,7 @@ const std::vector<FrameStage>& DefaultFrameStages() {
         .header = "filter/layers/product.h",
         .is_required = true},
        Always,
-       RunAllLayers},
+       RunLayers},
       {{.name = "remainder",
         .reads = "remainder, picture",
         .writes = "picture",

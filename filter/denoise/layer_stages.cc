@@ -38,13 +38,15 @@ const Planes& HalfOf(const Candidate& picture, size_t h) { return h == 0 ? pictu
 const Planes& HalfOf(const Halves& halves, size_t h) { return h == 0 ? halves.a : halves.b; }
 const Plane& WeightOf(const Halves& halves, size_t h) { return h == 0 ? halves.weight_a : halves.weight_b; }
 
-/// The fragments as points of the manifolds.
-SlicePoints PointsOf(const LayerFragments& fragments, float mixed_range) {
+/// The fragments as points of the manifolds, with `light` as signals.
+SlicePoints PointsOf(const LayerFragments& fragments, float mixed_range, size_t h, std::vector<float> light) {
   SlicePoints points;
   points.pixels = fragments.places;
   points.own_features = fragments.own_features;
   points.features = fragments.features;
   points.pixel_divisor = mixed_range * mixed_range;
+  points.signals = std::move(light);
+  points.weights = fragments.share[h];
   return points;
 }
 
@@ -52,9 +54,8 @@ SlicePoints PointsOf(const LayerFragments& fragments, float mixed_range) {
 void KeepLostPoints(const SlicePoints& points, SlicedPoints* sliced) {
   for (size_t i = 0; i < points.weights.size(); ++i) {
     if (sliced->weights[i] > 0 || !(points.weights[i] > 0)) continue;
-    const size_t channels = points.signals.size() / points.weights.size();
-    std::copy_n(points.signals.begin() + static_cast<std::ptrdiff_t>(channels * i), channels,
-                sliced->values.begin() + static_cast<std::ptrdiff_t>(channels * i));
+    std::copy_n(points.signals.begin() + static_cast<std::ptrdiff_t>(3 * i), 3,
+                sliced->values.begin() + static_cast<std::ptrdiff_t>(3 * i));
   }
 }
 
@@ -67,80 +68,31 @@ void SetMixedPixels(const LayerFragments& fragments, size_t h, Half* half) {
   }
 }
 
-/// Layers of one surface, which differ in their light alone.
-using Together = absl::Span<LayerState* const>;
-
-/// Half `h` of the layers, less their first candidates where they have any: signals of one filtering.
-struct Signals {
-  Planes planes;  // 3 of each layer
-  Plane mask;
-  SlicePoints points;
-};
-
-Signals SignalsOf(Together layers, size_t h) {
-  const LayerState& first = *layers[0];
-  Signals signals{
-      {}, WeightOf(first.halves, h).Clone(), PointsOf(first.fragments, first.settings.mixed_range)};
-  signals.points.weights = first.fragments.share[h];
-  signals.points.signals.resize(3 * layers.size() * first.fragments.places.size());
-  for (size_t l = 0; l < layers.size(); ++l) {
-    const LayerState& layer = *layers[l];
-    const Candidate* base = layer.candidates.empty() ? nullptr : &layer.candidates.front();
-    const Planes& light = HalfOf(layer.halves, h);
-    for (Plane& plane : base != nullptr ? Difference(light, HalfOf(*base, h), layer.pool) : Clone(light))
-      signals.planes.push_back(std::move(plane));
-    const Plane& weight = WeightOf(layer.halves, h);  // a value may be unusable in one layer alone
-    ForEachPixel(layer.pool, weight.width(), weight.height(), [&](int x, int y) {
-      signals.mask.At(x, y) = std::min(signals.mask.At(x, y), weight.At(x, y));
-    });
-    const std::vector<float>& at_points = layer.fragments.light[h];
-    for (size_t k = 0; k < at_points.size(); ++k)
-      signals.points.signals[(k / 3 * layers.size() + l) * 3 + k % 3] =
-          at_points[k] - (base != nullptr ? base->points[h][k] : 0.0f);
-  }
-  return signals;
-}
-
-/// Filters half `h` of the layers along the same manifolds; what their first candidates leave of it, if they
-/// have any, and adds that to them: twicing.
-std::vector<Half> FilterHalf(Together layers, size_t h, const Planes& features,
-                             const ManifoldParams& manifolds) {
-  const LayerState& first = *layers[0];
-  const Signals signals = SignalsOf(layers, h);
-  const bool has_points = !first.fragments.IsEmpty();
+/// Filters what `base`, if not null, leaves of half `h`, and adds it to the base: twicing.
+Half FilterHalf(const LayerState& state, size_t h, const Planes& features, const ManifoldParams& manifolds,
+                float reach_px, const Candidate* base) {
+  const LayerFragments& fragments = state.fragments;
+  const Planes& light = HalfOf(state.halves, h);
+  const Planes rest = base != nullptr ? Difference(light, HalfOf(*base, h), state.pool) : Planes{};
+  std::vector<float> rest_at_points = fragments.light[h];
+  for (size_t i = 0; base != nullptr && i < rest_at_points.size(); ++i)
+    rest_at_points[i] -= base->points[h][i];
+  const SlicePoints points = PointsOf(fragments, state.settings.mixed_range, h, std::move(rest_at_points));
   ManifoldResult result =
-      ManifoldFilterAtPoints(signals.planes, features, signals.mask.view(), manifolds,
-                             first.settings.reach_px, has_points ? &signals.points : nullptr, first.pool);
-  if (has_points) KeepLostPoints(signals.points, &result.points);
-  std::vector<Half> halves(layers.size());
-  for (size_t l = 0; l < layers.size(); ++l) {
-    const LayerState& layer = *layers[l];
-    Half& half = halves[l];
-    for (size_t c = 0; c < 3; ++c) half.planes.push_back(std::move(result.filtered[3 * l + c]));
-    half.points.resize(layer.fragments.light[h].size());
-    for (size_t k = 0; k < half.points.size(); ++k)
-      half.points[k] = result.points.values[(k / 3 * layers.size() + l) * 3 + k % 3];
-    if (!layer.candidates.empty()) {
-      const Candidate& base = layer.candidates.front();
-      AddPlanes(HalfOf(base, h), layer.pool, absl::MakeSpan(half.planes));
-      for (size_t k = 0; k < half.points.size(); ++k) half.points[k] += base.points[h][k];
-    }
-    SetMixedPixels(layer.fragments, h, &half);
+      ManifoldFilterAtPoints(base != nullptr ? rest : light, features, WeightOf(state.halves, h).view(),
+                             manifolds, reach_px, fragments.IsEmpty() ? nullptr : &points, state.pool);
+  if (!fragments.IsEmpty()) KeepLostPoints(points, &result.points);
+  Half half{std::move(result.filtered), std::move(result.points.values)};
+  if (base != nullptr) {
+    AddPlanes(HalfOf(*base, h), state.pool, absl::MakeSpan(half.planes));
+    for (size_t i = 0; i < half.points.size(); ++i) half.points[i] += base->points[h][i];
   }
-  return halves;
+  SetMixedPixels(fragments, h, &half);
+  return half;
 }
 
 Candidate Pair(Half a, Half b) {
   return {std::move(a.planes), std::move(b.planes), {std::move(a.points), std::move(b.points)}};
-}
-
-/// Adds a candidate to each layer. Each half is guided by the other.
-void FilterHalves(Together layers, FeaturePair features, const ManifoldParams& manifolds) {
-  std::vector<Half> a = FilterHalf(layers, 0, features.b, manifolds);
-  features.b.clear();  // first filterings need the most memory of all
-  std::vector<Half> b = FilterHalf(layers, 1, features.a, manifolds);
-  for (size_t l = 0; l < layers.size(); ++l)
-    layers[l]->candidates.push_back(Pair(std::move(a[l]), std::move(b[l])));
 }
 
 /// The halves as they are, without what was removed as fireflies.
@@ -166,51 +118,45 @@ void RunFireflies(LayerState* state) {
   }
 }
 
-/// The sum of the layers' light as a guide, in the unit of the layer that has most.
-Guide GuideOf(Together layers) {
-  const LayerState& first = *layers[0];
-  float scale = 0;
-  for (const LayerState* layer : layers) scale = std::max(scale, layer->halves.scale);
-  std::array<Planes, 2> sum = {MakePlanes(3, first.halves.width(), first.halves.height()),
-                               MakePlanes(3, first.halves.width(), first.halves.height())};
-  float level = 0;
-  for (const LayerState* layer : layers) {
-    const float unit = layer->halves.scale / scale;
-    level += unit * layer->halves.level;
-    for (size_t h = 0; h < 2; ++h) {
-      for (size_t c = 0; c < 3; ++c) {
-        const Plane& light = HalfOf(layer->halves, h)[c];
-        ForEachPixel(layer->pool, light.width(), light.height(),
-                     [&](int x, int y) { sum[h][c].At(x, y) += unit * light.At(x, y); });
-      }
-    }
+void RunFirstFiltering(LayerState* state) {
+  const LayerSettings& settings = state->settings;
+  Guide guide = MakeGuide(state->halves, state->halves.a, state->halves.b, settings.knee, state->pool);
+  state->guide_noise = NoiseOfHalf(state->halves, guide, state->pool);
+  FeaturePair features =
+      MakeFeatures(std::move(guide), state->halves, settings.patches,
+                   settings.range_factor * state->guide_noise, state->geometry, state->pool);
+  Half a = FilterHalf(*state, 0, features.b, settings.first_manifolds, settings.reach_px, nullptr);
+  features.b.clear();  // first filterings need the most memory of all
+  Half b = FilterHalf(*state, 1, features.a, settings.first_manifolds, settings.reach_px, nullptr);
+  state->candidates.push_back(Pair(std::move(a), std::move(b)));
+}
+
+/// Multiplies the coordinates of patches, which come before the geometry.
+void ScalePatches(float by, size_t geometry, TaskPool* pool, Planes* features) {
+  for (size_t k = 0; k + geometry < features->size(); ++k) {
+    Plane& plane = (*features)[k];
+    ForEachPixel(pool, plane.width(), plane.height(), [&](int x, int y) { plane.At(x, y) *= by; });
   }
-  return MakeGuide(level, sum[0], sum[1], first.settings.knee, first.pool);
 }
 
-/// The light of all layers together tells more of shadows and edges than that of each, and one tree serves
-/// all.
-void RunFirstFiltering(Together layers) {
-  const LayerState& first = *layers[0];
-  const LayerSettings& settings = first.settings;
-  for (LayerState* layer : layers)
-    layer->guide_noise = NoiseOfHalf(layer->halves, GuideOf(Together(&layer, 1)), layer->pool);
-  Guide guide = GuideOf(layers);
-  const float noise = NoiseOfHalf(first.halves, guide, first.pool);
-  FilterHalves(layers,
-               MakeFeatures(std::move(guide), first.halves, settings.patches, settings.range_factor * noise,
-                            first.geometry, first.pool),
-               settings.first_manifolds);
-}
-
-void RunSecondFiltering(LayerState* state) {
+void RunSecondFilterings(LayerState* state) {
   const LayerSettings& settings = state->settings;
   const Candidate& first = state->candidates.front();
-  FilterHalves(Together(&state, 1),
-               MakeFeatures(MakeGuide(state->halves.level, first.a, first.b, settings.knee, state->pool),
-                            state->halves, settings.second_patches,
-                            settings.second_range * state->guide_noise, state->geometry, state->pool),
-               settings.second_manifolds);
+  float range = settings.twicing_ranges.front();
+  FeaturePair features =
+      MakeFeatures(MakeGuide(state->halves, first.a, first.b, settings.knee, state->pool), state->halves,
+                   settings.second_patches, range * state->guide_noise, state->geometry, state->pool);
+  for (const float next : settings.twicing_ranges) {
+    if (next != range) {
+      for (Planes* half : {&features.a, &features.b})
+        ScalePatches(range / next, state->geometry.size(), state->pool, half);
+      range = next;
+    }
+    const Candidate& base = state->candidates.front();
+    Half a = FilterHalf(*state, 0, features.b, settings.twicing_manifolds, settings.reach_px, &base);
+    Half b = FilterHalf(*state, 1, features.a, settings.twicing_manifolds, settings.reach_px, &base);
+    state->candidates.push_back(Pair(std::move(a), std::move(b)));
+  }
 }
 
 void RunFireflyEnergy(LayerState* state) {
@@ -304,9 +250,9 @@ void RunLightRegression(LayerState* state) {
   MoveTowardsAll(absl::MakeConstSpan(&fitted, 1), state);
 }
 
-/// Moves the result towards the noisy layer without its fireflies. The share is that of the noisy layer as it
-/// was: an outlier is taken out where the other half contradicts it, so without them the halves of rare light
-/// agree by selection.
+/// Moves the result towards the noisy layer without its fireflies. Both are compared with the halves as they
+/// were: an outlier is taken out where the other half contradicts it, so without them the halves of rare
+/// light agree by selection.
 void RunNoisyChoice(LayerState* state) {
   UseLastCandidate(state);
   AddEnergy(*state, &state->result);
@@ -316,14 +262,14 @@ void RunNoisyChoice(LayerState* state) {
     AddPlanes(state->removed[0], state->pool, absl::MakeSpan(state->halves.a));
     AddPlanes(state->removed[1], state->pool, absl::MakeSpan(state->halves.b));
   }
-  Candidate uncut = {Clone(state->halves.a), Clone(state->halves.b), state->fragments.noisy};
-  for (std::vector<float>& half : uncut.points) {
+  std::array<std::vector<float>, 2> light = state->fragments.noisy;
+  for (std::vector<float>& half : light) {
     for (float& value : half) value /= state->halves.scale;
   }
-  const ChoicePoints points = PointsToCompare(*state, uncut.points);
+  const ChoicePoints points = PointsToCompare(*state, std::move(light));
   const Choice choice(state->halves, LightOf(state->halves, state->result, state->pool),
                       state->settings.choice, &points, state->pool);
-  Move(noisy, choice.ShareOf(state->result, uncut, state->pool), true, state);
+  Move(noisy, choice.ShareOf(state->result, noisy, state->pool), true, state);
   ShareEnergy(state);
 }
 
@@ -338,9 +284,7 @@ void RunSingleFiltering(LayerState* state) {
   const Halves& halves = state->halves;
   const Planes mean = Combine(halves.a, halves.b, halves.share_a.view(), state->pool);
   const LayerFragments& fragments = state->fragments;
-  SlicePoints points = PointsOf(fragments, state->settings.mixed_range);
-  points.signals = fragments.light[0];
-  points.weights.resize(fragments.places.size());
+  SlicePoints points = PointsOf(fragments, state->settings.mixed_range, 0, fragments.light[0]);
   for (size_t i = 0; i < points.weights.size(); ++i) {
     // The mean over both halves, of which most pixels have one.
     const auto [x, y] = fragments.places[i];
@@ -357,12 +301,6 @@ void RunSingleFiltering(LayerState* state) {
   SetMixedPixels(fragments, 0, &half);
   Half same{Clone(half.planes), half.points};
   state->result = Pair(std::move(half), std::move(same));
-}
-
-/// A stage that runs on each layer by itself.
-template <void (*run)(LayerState*)>
-void Each(Together layers) {
-  for (LayerState* layer : layers) run(layer);
 }
 
 bool HasBothHalves(const LayerState& state) { return state.halves.has_noise_estimate; }
@@ -411,7 +349,7 @@ LayerStage FirefliesStage() {
            .header = "filter/denoise/firefly.h",
            .window_px = [](const Settings& s) { return s.layer.choice.wide_radius; }},
           [](const LayerState& s) { return HasBothHalves(s) && !s.halves.is_difference; },
-          Each<RunFireflies>};
+          RunFireflies};
 }
 
 LayerStage SingleFilteringStage() {
@@ -423,7 +361,7 @@ LayerStage SingleFilteringStage() {
            .header = "filter/denoise/single_filtering.h",
            .window_px = [](const Settings& s) { return BlurWindow(s.layer.single.manifolds.sigma_s); }},
           HasOneHalf,
-          Each<RunSingleFiltering>};
+          RunSingleFiltering};
 }
 
 LayerStage FirstFilteringStage() {
@@ -441,13 +379,13 @@ LayerStage FirstFilteringStage() {
 LayerStage SecondFilteringStage() {
   return {{.name = "second-filtering",
            .reads = "halves, fragments, P, geometry",
-           .writes = "candidate P + M(half - P), half by half",
+           .writes = "candidates P + M(half - P) of two ranges, half by half",
            .off_when = "one half alone; the remainder",
            .source = "twicing: Tukey 1977",
            .header = "filter/manifold/manifold_filter.h",
            .window_px = ReachWindow},
           [](const LayerState& s) { return HasCandidates(s) && !s.halves.is_difference; },
-          Each<RunSecondFiltering>};
+          RunSecondFilterings};
 }
 
 LayerStage FireflyEnergyStage() {
@@ -459,7 +397,7 @@ LayerStage FireflyEnergyStage() {
            .header = "filter/denoise/firefly.h",
            .window_px = ReachWindow},
           [](const LayerState& s) { return HasCandidates(s) && !s.removed[0].empty(); },
-          Each<RunFireflyEnergy>};
+          RunFireflyEnergy};
 }
 
 LayerStage ChoiceStage() {
@@ -471,7 +409,7 @@ LayerStage ChoiceStage() {
            .header = "filter/layers/choice.h",
            .window_px = [](const Settings& s) { return ChoiceWindow(s.layer.choice); }},
           HasCandidates,
-          Each<RunChoice>};
+          RunChoice};
 }
 
 LayerStage LightRegressionStage() {
@@ -483,7 +421,7 @@ LayerStage LightRegressionStage() {
            .header = "filter/edges/light_regression.h",
            .window_px = [](const Settings& s) { return RegressionWindow(s.layer.regression); }},
           HasMixedPixels,
-          Each<RunLightRegression>};
+          RunLightRegression};
 }
 
 LayerStage NoisyChoiceStage() {
@@ -495,7 +433,7 @@ LayerStage NoisyChoiceStage() {
            .header = "filter/layers/choice.h",
            .window_px = [](const Settings& s) { return ChoiceWindow(s.layer.choice); }},
           HasCandidates,
-          Each<RunNoisyChoice>};
+          RunNoisyChoice};
 }
 
 }  // namespace
@@ -507,42 +445,28 @@ const std::vector<LayerStage>& DefaultLayerStages() {
   return stages;
 }
 
-std::vector<FilteredLayer> RunLayers(const std::vector<LayerStage>& stages, const LayerSettings& settings,
-                                     absl::Span<const Product> products,
-                                     std::vector<LayerFragments> fragments, const SwitchedOff& off,
-                                     const StageWatch& watch, TaskPool* pool) {
-  std::vector<FilteredLayer> filtered(products.size());
-  std::vector<LayerState> states;
-  std::vector<size_t> places;  // of the states among the products
-  for (size_t i = 0; i < products.size(); ++i) {
-    Halves halves = HalvesOf(products[i], pool);
-    if (halves.level > 0) {
-      states.push_back(Open(settings, products[i], std::move(halves), std::move(fragments[i]), pool));
-      places.push_back(i);
-      continue;
-    }
-    filtered[i] = BlackLayer(products[i]);
-    filtered[i].light.points = fragments[i].light;
-    filtered[i].fragments = std::move(fragments[i]);
+FilteredLayer RunLayer(const std::vector<LayerStage>& stages, const LayerSettings& settings,
+                       const Product& product, LayerFragments fragments, const SwitchedOff& off,
+                       const StageWatch& watch, TaskPool* pool) {
+  Halves halves = HalvesOf(product, pool);
+  if (halves.level == 0) {
+    FilteredLayer black = BlackLayer(product);
+    black.light.points = fragments.light;
+    black.fragments = std::move(fragments);
+    return black;
   }
+  const float scale = halves.scale;
+  LayerState state = Open(settings, product, std::move(halves), std::move(fragments), pool);
   for (const LayerStage& stage : stages) {
-    std::vector<LayerState*> layers;
-    for (LayerState& state : states) {
-      if (!IsOff(off, stage.info.name) && stage.is_on(state)) layers.push_back(&state);
-    }
-    if (layers.empty()) continue;
-    stage.run(layers);
+    if (IsOff(off, stage.info.name) || !stage.is_on(state)) continue;
+    stage.run(&state);
     if (watch) watch(stage.info.name);
   }
-  for (size_t i = 0; i < states.size(); ++i) {
-    LayerState& state = states[i];
-    if (HasCandidates(state) && IsOff(off, "noisy-choice")) AddSharedEnergy(&state);
-    if (state.result.a.empty()) state.result = Noisy(state);  // its filtering is switched off
-    RestoreUnits(products[places[i]], state.halves.scale, pool, &state.result);
-    RestoreUnits(products[places[i]], state.halves.scale, pool, &state.returned);
-    filtered[places[i]] = {std::move(state.result), std::move(state.fragments), std::move(state.returned)};
-  }
-  return filtered;
+  if (HasCandidates(state) && IsOff(off, "noisy-choice")) AddSharedEnergy(&state);
+  if (state.result.a.empty()) state.result = Noisy(state);  // its filtering is switched off
+  RestoreUnits(product, scale, pool, &state.result);
+  RestoreUnits(product, scale, pool, &state.returned);
+  return {std::move(state.result), std::move(state.fragments), std::move(state.returned)};
 }
 
 }  // namespace lumifold::filter

@@ -3,7 +3,6 @@
 #include <array>
 #include <vector>
 
-#include "absl/types/span.h"
 #include "filter/denoise/stage.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
@@ -22,7 +21,7 @@ struct LayerState {
 
   Halves halves;
   LayerFragments fragments;       // their light in the halves' unit
-  float guide_noise = 0;          // RMS noise of one half, as a guide
+  float guide_noise = 0;          // RMS noise of one half of the first filtering's guide
   std::array<Planes, 2> removed;  // of each half, 3: what was removed as fireflies; empty: nothing was
   std::vector<Candidate> candidates;
   std::array<Planes, 2> firefly_energy;  // of each half, 3: what was removed, spread; empty: nothing
@@ -33,16 +32,14 @@ struct LayerState {
 struct LayerStage {
   StageInfo info;
   bool (*is_on)(const LayerState&);
-  void (*run)(absl::Span<LayerState* const> layers);  // those of one surface that it is on for
+  void (*run)(LayerState*);
 };
 
 const std::vector<LayerStage>& DefaultLayerStages();
 
-/// Runs the stages on the layers of one surface (Product::shares_surface), product by product with its
-/// fragments. A layer without light is not filtered.
-std::vector<FilteredLayer> RunLayers(const std::vector<LayerStage>& stages, const LayerSettings& settings,
-                                     absl::Span<const Product> products,
-                                     std::vector<LayerFragments> fragments, const SwitchedOff& off,
-                                     const StageWatch& watch, TaskPool* pool);
+/// Runs the stages on a layer. A layer without light is not filtered.
+FilteredLayer RunLayer(const std::vector<LayerStage>& stages, const LayerSettings& settings,
+                       const Product& product, LayerFragments fragments, const SwitchedOff& off,
+                       const StageWatch& watch, TaskPool* pool);
 
 }  // namespace lumifold::filter

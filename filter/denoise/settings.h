@@ -27,10 +27,12 @@ struct LayerSettings {
   float knee = 0.2f;          // of the stabilised guide, over the layer's mean
   // The manifolds of all filterings are close to each other, since they have to follow fine detail.
   ManifoldParams first_manifolds = {
-      .sigma_s = 7, .height = 4, .cell = 4, .keeps_mass = true, .is_first_order = true};
+      .sigma_s = 7, .height = 5, .cell = 4, .keeps_mass = true, .is_first_order = true};
   float reach_px = 16;  // of the blur along the manifolds, of all filterings and of the energy of fireflies
-  float second_range = 0.6f;  // sigma_q of the filtering of what the first one leaves, over the same
-  ManifoldParams second_manifolds = {.sigma_s = 2, .height = 3, .keeps_mass = true};
+  /// Of the further filterings of what the first one leaves: sigma_q over the noise of the half that guides,
+  /// from the widest to the narrowest.
+  std::vector<float> twicing_ranges = {0.6f, 0.3f};
+  ManifoldParams twicing_manifolds = {.sigma_s = 2, .height = 3, .keeps_mass = true};
   /// Range of the features that a fragment shares with its pixel, whose patch mixes surfaces, over that of
   /// its own.
   float mixed_range = 2;

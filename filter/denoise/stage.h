@@ -36,8 +36,7 @@ struct GuideInfo {
 /// Names of stages and guides that are switched off.
 using SwitchedOff = std::vector<std::string>;
 
-/// Told the name of each stage when it has ended; for the stages of a layer, once for the layers of each
-/// surface.
+/// Told the name of each stage when it has ended; for the stages of a layer, once for each layer.
 using StageWatch = std::function<void(std::string_view stage)>;
 
 bool IsOff(const SwitchedOff& off, std::string_view name);

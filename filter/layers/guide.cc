@@ -7,8 +7,9 @@
 
 namespace lumifold::filter {
 
-Guide MakeGuide(float level, const Planes& a, const Planes& b, float knee, TaskPool* pool) {
-  return {Stabilise(a, knee * level, level, pool), Stabilise(b, knee * level, level, pool)};
+Guide MakeGuide(const Halves& halves, const Planes& a, const Planes& b, float knee, TaskPool* pool) {
+  return {Stabilise(a, knee * halves.level, halves.level, pool),
+          Stabilise(b, knee * halves.level, halves.level, pool)};
 }
 
 float NoiseOfHalf(const Halves& halves, const Guide& guide, TaskPool* pool) {

@@ -13,8 +13,8 @@ struct Guide {
   Planes b;
 };
 
-/// `level`: the layer's mean; `knee`: over it.
-Guide MakeGuide(float level, const Planes& a, const Planes& b, float knee, TaskPool* pool);
+/// `knee`: over the layer's mean.
+Guide MakeGuide(const Halves& halves, const Planes& a, const Planes& b, float knee, TaskPool* pool);
 
 /// RMS noise of one half of the guide; noise-free layers count as having a little, so that no range is 0.
 float NoiseOfHalf(const Halves& halves, const Guide& guide, TaskPool* pool);

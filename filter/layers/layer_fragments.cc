@@ -15,9 +15,8 @@ struct LayerLight {
 
 LayerLight LightOf(const FragmentViews& views, const Product& product) {
   LayerLight light;
-  const bool is_diffuse = !views.direct[0][0].IsEmpty() && !views.indirect[0][0].IsEmpty();
-  if (product.kind == Product::Kind::kDirect && is_diffuse) light = {&views.direct, &Fragment::albedo};
-  if (product.kind == Product::Kind::kIndirect && is_diffuse) light = {&views.indirect, &Fragment::albedo};
+  if (product.kind == Product::Kind::kDirect) light = {&views.direct, &Fragment::albedo};
+  if (product.kind == Product::Kind::kIndirect) light = {&views.indirect, &Fragment::albedo};
   if (product.kind == Product::Kind::kGlossy) light = {&views.glossy, &Fragment::glossy_albedo};
   return light.halves == nullptr || (*light.halves)[0][0].IsEmpty() ? LayerLight{} : light;
 }

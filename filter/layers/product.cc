@@ -68,7 +68,6 @@ void AddDiffuse(const Frame& frame, const ProductParams& params, TaskPool* pool,
   const Planes geometry = GeometryFeatures(GeometryOf(surface, box), hits.view(), params.ranges, pool);
   const auto add = [&](Product::Kind kind, const HalvedLayer& layer) {
     products->push_back({.kind = kind,
-                         .shares_surface = kind == Product::Kind::kIndirect,
                          .mean = layer.mean,
                          .factor = surface.albedo,
                          .halves = ViewOf(layer, frame.samples),
@@ -134,7 +133,6 @@ void AddLevel(const Frame& frame, const LevelViews& level, const GeometryRanges&
   for (const HalvedLayer* layer : {&level.direct, &level.indirect}) {
     Product product;
     product.kind = Product::Kind::kLevel;
-    product.shares_surface = layer == &level.indirect;
     product.mean = layer->mean;
     product.factor = level.surface.albedo;
     product.halves = ViewOf(*layer, level.samples);

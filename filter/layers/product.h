@@ -24,9 +24,8 @@ struct Product {
   };
 
   Kind kind = Kind::kDirect;
-  bool shares_surface = false;  // differs from the product before in mean and halves alone
-  ConstColorView mean;          // W x H, as all views here
-  ConstColorView factor;        // empty for the remainder
+  ConstColorView mean;    // W x H, as all views here
+  ConstColorView factor;  // empty for the remainder
   HalvesView halves;
   Rect box;             // part of the frame that is filtered: the layer's extent and a margin
   Plane validity;       // of the box: part of each pixel that the layer's surface covers; 0: not filtered

@@ -1,6 +1,7 @@
 #include "filter/manifold/first_order.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -10,6 +11,7 @@
 namespace lumifold::filter {
 namespace {
 
+constexpr size_t kColors = 3;
 constexpr float kMostDeviations =
     3;  // standard deviations of its samples from their mean at which a plane is read
 
@@ -18,24 +20,32 @@ float PositionOf(int pixel, int size, float unit_px) {
   return (static_cast<float>(pixel) - 0.5f * static_cast<float>(size - 1)) / unit_px;
 }
 
-/// Calls write(c, value) with the value at (x0, y0) of the plane of each signal: the mean light plus slope
-/// times the offset from the mean position. Samples tell nothing of places far beyond them, where rounding
-/// would decide: an offset of more than kMostDeviations deviations is cut to them. `read(k)`: the mean of
-/// moment k.
-template <typename Read, typename Write>
-void ReadPlanes(size_t signals, const Read& read, float ridge, float x0, float y0, const Write& write) {
-  const size_t position = signals;
-  const size_t products = position + 2;  // x f, then y f
-  const size_t squares = products + 2 * signals;
-  const float x = read(position);
-  const float y = read(position + 1);
+/// Weighted means at one point, in the order of kMoments.
+struct Moments {
+  std::array<float, kColors> f;
+  float x, y;
+  std::array<float, kColors> xf, yf;
+  float xx, xy, yy;
+};
+
+/// `read(k)`: the mean of signal k.
+template <typename Read>
+Moments ReadMoments(Read&& read) {
+  return {{read(0), read(1), read(2)},  read(3),  read(4),  {read(5), read(6), read(7)},
+          {read(8), read(9), read(10)}, read(11), read(12), read(13)};
+}
+
+/// The plane's value at (x0, y0): the mean light plus slope times the offset from the mean position. Samples
+/// tell nothing of places far beyond them, where rounding would decide: an offset of more than
+/// kMostDeviations deviations is cut to them.
+std::array<float, kColors> PlaneAt(const Moments& m, float ridge, float x0, float y0) {
   // Far from the centre of a very wide picture, rounding may make variances negative.
-  const float xx = std::max(read(squares) - x * x, 0.0f) + ridge;
-  const float yy = std::max(read(squares + 2) - y * y, 0.0f) + ridge;
-  const float xy = read(squares + 1) - x * y;
+  const float xx = std::max(m.xx - m.x * m.x, 0.0f) + ridge;
+  const float yy = std::max(m.yy - m.y * m.y, 0.0f) + ridge;
+  const float xy = m.xy - m.x * m.y;
   const float determinant = std::max(xx * yy - xy * xy, ridge * ridge);
-  const float off_x = x0 - x;
-  const float off_y = y0 - y;
+  const float off_x = x0 - m.x;
+  const float off_y = y0 - m.y;
   // Factors of the covariances with the light: the solution of a symmetric 2x2 system.
   float by_x = (off_x * yy - off_y * xy) / determinant;
   float by_y = (off_y * xx - off_x * xy) / determinant;
@@ -44,52 +54,48 @@ void ReadPlanes(size_t signals, const Read& read, float ridge, float x0, float y
     by_x *= kMostDeviations / deviations;
     by_y *= kMostDeviations / deviations;
   }
-  for (size_t c = 0; c < signals; ++c) {
-    const float f = read(c);
-    write(c, f + by_x * (read(products + c) - x * f) + by_y * (read(products + signals + c) - y * f));
-  }
+  std::array<float, kColors> value;
+  for (size_t c = 0; c < kColors; ++c)
+    value[c] = m.f[c] + by_x * (m.xf[c] - m.x * m.f[c]) + by_y * (m.yf[c] - m.y * m.f[c]);
+  return value;
 }
-
-size_t SignalsOf(size_t moments) { return (moments - 5) / 3; }
 
 }  // namespace
 
 Planes WithPosition(const Planes& light, float unit_px, TaskPool* pool) {
   const int width = light[0].width();
   const int height = light[0].height();
-  const size_t signals = light.size();
-  Planes planes = MakeUninitializedPlanes(signals + 2, width, height);
+  Planes planes = MakeUninitializedPlanes(kPlaneSignals, width, height);
   ForEachBand(pool, height, [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
-      for (size_t c = 0; c < signals; ++c) std::copy_n(light[c].Row(y), width, planes[c].Row(y));
-      for (int x = 0; x < width; ++x) planes[signals].At(x, y) = PositionOf(x, width, unit_px);
-      std::fill_n(planes[signals + 1].Row(y), width, PositionOf(y, height, unit_px));
+      for (size_t c = 0; c < kColors; ++c) std::copy_n(light[c].Row(y), width, planes[c].Row(y));
+      for (int x = 0; x < width; ++x) planes[kColors].At(x, y) = PositionOf(x, width, unit_px);
+      std::fill_n(planes[kColors + 1].Row(y), width, PositionOf(y, height, unit_px));
     }
   });
   return planes;
 }
 
 void AddMoments(Planes* splat) {
-  LUMIFOLD_CHECK(splat->size() > 3);
-  const size_t signals = splat->size() - 3;
+  LUMIFOLD_CHECK(splat->size() == kPlaneSignals + 1);
   Planes planes = std::move(*splat);
   Plane weight = std::move(planes.back());
   planes.pop_back();
-  while (planes.size() < MomentCount(signals))
+  for (size_t i = kPlaneSignals; i < kMoments; ++i)
     planes.push_back(Plane::Uninitialized(weight.width(), weight.height()));
   for (int row = 0; row < weight.height(); ++row) {
     for (int column = 0; column < weight.width(); ++column) {
       const float w = weight.At(column, row);
       // Denormal weights have no finite inverse.
       const float inverse = w >= std::numeric_limits<float>::min() ? 1.0f / w : 0.0f;
-      const float sum_x = planes[signals].At(column, row);
-      const float sum_y = planes[signals + 1].At(column, row);
+      const float sum_x = planes[kColors].At(column, row);
+      const float sum_y = planes[kColors + 1].At(column, row);
       const float x = sum_x * inverse;
       const float y = sum_y * inverse;
-      size_t plane = signals + 2;
+      size_t plane = kPlaneSignals;
       const auto put = [&](float value) { planes[plane++].At(column, row) = value; };
-      for (size_t c = 0; c < signals; ++c) put(x * planes[c].At(column, row));
-      for (size_t c = 0; c < signals; ++c) put(y * planes[c].At(column, row));
+      for (size_t c = 0; c < kColors; ++c) put(x * planes[c].At(column, row));
+      for (size_t c = 0; c < kColors; ++c) put(y * planes[c].At(column, row));
       put(x * sum_x);
       put(x * sum_y);
       put(y * sum_y);
@@ -102,11 +108,11 @@ void AddMoments(Planes* splat) {
 Planes FitLight(const Planes& means, float unit_px, float ridge, TaskPool* pool) {
   const int width = means[0].width();
   const int height = means[0].height();
-  Planes light = MakeUninitializedPlanes(SignalsOf(means.size()), width, height);
+  Planes light = MakeUninitializedPlanes(kColors, width, height);
   ForEachPixel(pool, width, height, [&](int x, int y) {
-    ReadPlanes(
-        light.size(), [&](size_t k) { return means[k].At(x, y); }, ridge, PositionOf(x, width, unit_px),
-        PositionOf(y, height, unit_px), [&](size_t c, float value) { light[c].At(x, y) = value; });
+    const auto value = PlaneAt(ReadMoments([&](size_t k) { return means[k].At(x, y); }), ridge,
+                               PositionOf(x, width, unit_px), PositionOf(y, height, unit_px));
+    for (size_t c = 0; c < kColors; ++c) light[c].At(x, y) = value[c];
   });
   return light;
 }
@@ -114,18 +120,15 @@ Planes FitLight(const Planes& means, float unit_px, float ridge, TaskPool* pool)
 SlicedPoints FitLightAtPoints(const SlicePoints& points, const SlicedPoints& means, float unit_px,
                               float ridge, int width, int height) {
   const size_t samples = points.samples;
-  const size_t count = points.pixels.size();
-  const size_t moments = count > 0 ? means.values.size() / (count * samples) : 0;
-  const size_t signals = count > 0 ? SignalsOf(moments) : 0;
-  SlicedPoints light{std::vector<float>(count * signals * samples), means.weights};
-  for (size_t i = 0; i < count; ++i) {
+  SlicedPoints light{std::vector<float>(points.pixels.size() * kColors * samples), means.weights};
+  for (size_t i = 0; i < points.pixels.size(); ++i) {
     const float x = PositionOf(points.pixels[i][0], width, unit_px);
     const float y = PositionOf(points.pixels[i][1], height, unit_px);
     for (size_t j = 0; j < samples; ++j) {
       if (means.weights[i * samples + j] == 0) continue;
-      ReadPlanes(
-          signals, [&](size_t k) { return means.values[(i * moments + k) * samples + j]; }, ridge, x, y,
-          [&](size_t c, float value) { light.values[(i * signals + c) * samples + j] = value; });
+      const auto value = PlaneAt(
+          ReadMoments([&](size_t k) { return means.values[(i * kMoments + k) * samples + j]; }), ridge, x, y);
+      for (size_t c = 0; c < kColors; ++c) light.values[(i * kColors + c) * samples + j] = value[c];
     }
   }
   return light;

@@ -11,26 +11,28 @@ namespace lumifold::filter {
 // light with the same weights is not. The filter is linear in its signals, so the moments that the fit needs
 // are splatted, blurred and sliced like signals.
 
-/// Moments that the fit of `signals` signals f takes: f, x, y; x f, y f; x^2, x y, y^2.
-constexpr size_t MomentCount(size_t signals) { return 3 * signals + 5; }
+/// Signals that are splatted for a fit: f (3), x, y.
+inline constexpr size_t kPlaneSignals = 5;
+/// Moments that the fit takes: these; x f, y f (6); x^2, x y, y^2.
+inline constexpr size_t kMoments = 14;
 
-/// The light and the pixels' positions x and y, relative to the picture's centre in units of `unit_px`
-/// pixels, > 0: two planes more.
+/// The light (3 planes) and the pixels' positions, relative to the picture's centre in units of `unit_px`
+/// pixels, > 0. Result: kPlaneSignals planes.
 Planes WithPosition(const Planes& light, float unit_px, TaskPool* pool);
 
 /// Adds the products to a manifold's splat of WithPosition() and of weights. A cell's light counts as if it
-/// were at the mean position of its pixels: for planar light that is exact. Result: the moments' planes and
-/// the weight's.
+/// were at the mean position of its pixels: for planar light that is exact. Result: kMoments planes and the
+/// weight's.
 void AddMoments(Planes* splat);
 
 /// The fitted plane's value at each pixel. `means`: the moments, blurred, sliced and divided by the weight;
-/// `ridge` is added to the variances of positions. Result: as many planes as there are signals; the pixel's
-/// own light where the filter found nothing.
+/// `ridge` is added to the variances of positions. Result: 3 planes; the pixel's own light where the filter
+/// found nothing.
 /// Threads: identical for any pool.
 Planes FitLight(const Planes& means, float unit_px, float ridge, TaskPool* pool);
 
 /// The same at points, which count as if they were at the centres of their pixels, in a picture of `width` x
-/// `height`.
+/// `height`. 3 channels.
 SlicedPoints FitLightAtPoints(const SlicePoints& points, const SlicedPoints& means, float unit_px,
                               float ridge, int width, int height);
 

@@ -41,15 +41,15 @@ Plane SplatMask(ConstFloatView mask, const Plane& total, const ManifoldParams& p
 /// Position of the points as further signals, channel by channel for each pixel.
 std::vector<float> PointSignalsWithPosition(const SlicePoints& points, const Planes& with_position) {
   const size_t samples = points.samples;
-  const size_t all = with_position.size();
-  const size_t given = all - 2;
+  constexpr size_t kColors = kPlaneSignals - 2;
   std::vector<float> signals;
-  signals.reserve(points.pixels.size() * all * samples);
+  signals.reserve(points.pixels.size() * kPlaneSignals * samples);
   for (size_t pixel = 0; pixel < points.pixels.size(); ++pixel) {
-    const auto first = points.signals.begin() + static_cast<std::ptrdiff_t>(pixel * given * samples);
-    signals.insert(signals.end(), first, first + static_cast<std::ptrdiff_t>(given * samples));
+    const auto first = points.signals.begin() + static_cast<std::ptrdiff_t>(pixel * kColors * samples);
+    signals.insert(signals.end(), first, first + static_cast<std::ptrdiff_t>(kColors * samples));
     const auto [x, y] = points.pixels[pixel];
-    for (size_t c = given; c < all; ++c) signals.insert(signals.end(), samples, with_position[c].At(x, y));
+    for (size_t c = kColors; c < kPlaneSignals; ++c)
+      signals.insert(signals.end(), samples, with_position[c].At(x, y));
   }
   return signals;
 }
@@ -75,7 +75,7 @@ class Filter {
         slice_points_(points),
         point_signals_(std::move(point_signals)),
         pool_(pool) {
-    const size_t results = params.is_first_order ? MomentCount(signals.size() - 2) : signals.size();
+    const size_t results = params.is_first_order ? kMoments : signals.size();
     result_.filtered = MakeUninitializedPlanes(results + 1, lattice_.width, lattice_.height);
     if (points == nullptr) return;
     points_.emplace(*points, features, lattice_);
@@ -273,6 +273,7 @@ ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& featu
                                       TaskPool* pool) {
   LUMIFOLD_CHECK(!features.empty() && params.height >= 1 && params.height <= 8 &&
                  params.pca_iterations >= 1 && params.sigma_s > 0 && reach > 0);
+  LUMIFOLD_CHECK(!params.is_first_order || signals.size() == 3);
   LUMIFOLD_CHECK(points == nullptr ||
                  (points->own_features <= features.size() &&
                   points->features.size() == points->pixels.size() * points->own_features * points->samples &&

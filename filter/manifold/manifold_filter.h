@@ -18,7 +18,7 @@ struct ManifoldParams {
   /// their mass. As published, they give less the farther they are from all manifolds, and pixels nearer to
   /// these decide what they get.
   bool keeps_mass = false;
-  bool is_first_order = false;  // fits planes to the signals (first_order.h)
+  bool is_first_order = false;  // fits planes to the signals, of which there are 3 (first_order.h)
   /// Added to the variances of positions, in reaches, so that slopes that few pixels support stay small.
   float slope_ridge = 6e-3f;
 };

@@ -50,7 +50,7 @@ Planes FirstOrder(const Planes& light, const Scene& scene, const ManifoldParams&
 
 /// Light and its moments over pixels: what the oracle takes for signals.
 Planes MomentsOf(const Planes& light) {
-  Planes moments = MakePlanes(MomentCount(3), kFirstOrderWidth, kFirstOrderHeight);
+  Planes moments = MakePlanes(kMoments, kFirstOrderWidth, kFirstOrderHeight);
   for (int row = 0; row < kFirstOrderHeight; ++row) {
     for (int column = 0; column < kFirstOrderWidth; ++column) {
       const float x = (static_cast<float>(column) - 0.5f * (kFirstOrderWidth - 1)) / kFirstOrderReach;
@@ -58,7 +58,7 @@ Planes MomentsOf(const Planes& light) {
       std::vector<float> values = {1, 1, 1, x, y, x, x, x, y, y, y, x * x, x * y, y * y};
       for (size_t k : {0u, 1u, 2u, 5u, 6u, 7u, 8u, 9u, 10u})
         values[k] *= light[k < 3 ? k : (k - 5) % 3].At(column, row);
-      for (size_t k = 0; k < moments.size(); ++k) moments[k].At(column, row) = values[k];
+      for (size_t k = 0; k < kMoments; ++k) moments[k].At(column, row) = values[k];
     }
   }
   return moments;
@@ -200,7 +200,7 @@ TEST(FirstOrder, ReadsNoPlaneFarBeyondItsSamples) {
   constexpr float kRidge = 0.01f;
   for (const auto& [variance, expected] :
        {std::pair(9.0f, 0.0f), std::pair(0.09f, 5 - 3 * std::sqrt(0.1f) * 0.9f)}) {
-    Planes means = MakePlanes(MomentCount(3), 1, 1);
+    Planes means = MakePlanes(kMoments, 1, 1);
     for (const size_t k : {0u, 1u, 2u, 3u}) means[k].Fill(5);               // light, x
     for (const size_t k : {5u, 6u, 7u, 11u}) means[k].Fill(25 + variance);  // x times light, x^2
     const Planes light = FitLight(means, 1, kRidge, nullptr);

@@ -56,8 +56,7 @@ TEST(LayerStages, EqualLightStaysAlsoOnSurfacesLikeNoOther) {
     const SwitchedOff all_but_filtering = {"fireflies", "firefly-energy", "choice", "light-regression",
                                            "noisy-choice"};
     const FilteredLayer filtered =
-        std::move(RunLayers(DefaultLayerStages(), settings, absl::MakeSpan(&product, 1), {fragments},
-                            all_but_filtering, {}, nullptr)[0]);
+        RunLayer(DefaultLayerStages(), settings, product, fragments, all_but_filtering, {}, nullptr);
     for (const LayerFragments::Pixel& pixel : fragments.pixels) {
       EXPECT_NEAR(filtered.light.a[1].At(pixel.x, pixel.y), kLight, 1e-4f) << has_b << " " << pixel.x;
       for (size_t point = pixel.first; point < pixel.last; ++point)

@@ -239,7 +239,7 @@ job::JobId CoordinatorFixture::Submit(const v1::JobSpec& spec, const std::string
   while (true) {
     absl::StatusOr<job::JobId> job = TrySubmit(spec, request_id);
     if (job.ok()) return *std::move(job);
-    EXPECT_EQ(job.status().code(), absl::StatusCode::kResourceExhausted) << job.status();
+    EXPECT_EQ(job.status().code(), absl::StatusCode::kUnavailable) << job.status();
     if (files_.has_stopped()) return job::JobId();
     absl::SleepFor(absl::Milliseconds(1));
   }

@@ -99,7 +99,7 @@ TEST_F(HealthTest, IsNotServingWhileTheStorageCannotBeWritten) {
   GenericStream farm(Channel(), kWatch, StringField(1, "lumifold.v1.FarmService"));
   EXPECT_EQ(farm.Next(), kServing);
   files.Fail(ENOSPC);
-  EXPECT_EQ(Submit(spec).status().code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(Submit(spec).status().code(), absl::StatusCode::kUnavailable);
   EXPECT_EQ(farm.Next(), kNotServing);
   files.Heal();
   EXPECT_EQ(farm.Next(), kServing);

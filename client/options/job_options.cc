@@ -10,8 +10,8 @@
 #include "absl/strings/str_split.h"
 #include "absl/time/time.h"
 #include "filter/image/decisions.h"
+#include "filter/image/studio.h"
 #include "proto/rpc/bounded_text.h"
-#include "proto/rpc/studio.h"
 
 namespace lumifold::client {
 namespace {
@@ -26,13 +26,12 @@ constexpr int kMaxMb = 1 << 20;  // a coordinator takes no larger asset
 constexpr char kNoEnvironment[] = "none";
 
 bool HasEnvironmentFile(const EnvironmentMapOptions& environment) {
-  return !environment.path.empty() && environment.path != rpc::kStudioUri &&
-         environment.path != kNoEnvironment;
+  return !environment.path.empty() && environment.path != kStudioUri && environment.path != kNoEnvironment;
 }
 
 /// URI of the environment map in the job; no file of a scene can have this scheme.
 std::string EnvironmentUri(const std::string& path) {
-  if (path == rpc::kStudioUri) return path;
+  if (path == kStudioUri) return path;
   return kEnvironmentScheme + rpc::AsUtf8(std::filesystem::path(path).filename().string());
 }
 

@@ -11,6 +11,9 @@ namespace {
 
 constexpr int64_t kMaxLayoutBytes = 64 * 1024;
 
+/// The layout that is found by the layers of the picture.
+constexpr char kFoundByItself[] = "auto";
+
 absl::StatusOr<FilmLayout> LayoutOf(const std::string& name) {
   if (const FilmLayout* known = FindFilmLayout(name)) return *known;
   const absl::StatusOr<std::string> text = ReadFile(name, kMaxLayoutBytes);
@@ -43,20 +46,22 @@ absl::StatusOr<ForeignFilm> MapLayers(const FilmFileOptions& options, const Film
 
 absl::StatusOr<std::unique_ptr<FilmFile>> FilmFile::Open(const FilmFileOptions& options) {
   std::unique_ptr<FilmFile> film(new FilmFile(options));
+  if (options.layout != kFoundByItself) {
+    absl::StatusOr<FilmLayout> layout = LayoutOf(options.layout);
+    if (!layout.ok()) return AsPictureError(layout.status());
+    film->layout_ = *std::move(layout);
+  }
   if (absl::Status status = film->CheckLayers(); !status.ok()) return AsPictureError(status);
   return film;
 }
 
 absl::Status FilmFile::FindLayout(const LayeredImage& outline) {
-  if (options_.layout == "auto") {
-    const absl::StatusOr<std::string> guess = GuessFilmLayout(options_.picture, outline);
-    if (!guess.ok()) return guess.status();
-    options_.layout = *guess;
-    if (*guess != "lumifold") notes_.push_back(absl::StrCat("read with --layout ", *guess));
-  }
-  absl::StatusOr<FilmLayout> layout = LayoutOf(options_.layout);
-  if (!layout.ok()) return layout.status();
-  layout_ = *std::move(layout);
+  if (options_.layout != kFoundByItself) return absl::OkStatus();
+  const absl::StatusOr<std::string> guess = GuessFilmLayout(options_.picture, outline);
+  if (!guess.ok()) return guess.status();
+  options_.layout = *guess;
+  layout_ = *FindFilmLayout(*guess);
+  if (*guess != "lumifold") notes_.push_back(absl::StrCat("read with --layout ", *guess));
   return absl::OkStatus();
 }
 

@@ -43,7 +43,7 @@ class FilmFile final : public FilmSource {
   explicit FilmFile(FilmFileOptions options) : options_(std::move(options)) {}
   absl::StatusOr<EdgedImage> ReadPart(const Rect& rect);
   absl::Status CheckLayers();
-  /// Sets the layout for a picture with these channels.
+  /// Sets the layout for a picture with these channels, unless the user names one.
   absl::Status FindLayout(const LayeredImage& outline);
 
   FilmFileOptions options_;

@@ -38,9 +38,11 @@ absl::Status CheckHello(const v1::Hello& hello) {
                                                       hello.wire_version(), ", this coordinator ",
                                                       rpc::kWireVersion));
   }
-  if (hello.numeric_class().empty() || hello.slots() < 0 || hello.slots() > kMaxSlots) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "worker '", hello.name(), "': numeric_class must not be empty and slots must be 0 to ", kMaxSlots));
+  const int least_slots = hello.finishes() > 0 ? 0 : 1;
+  if (hello.numeric_class().empty() || hello.slots() < least_slots || hello.slots() > kMaxSlots) {
+    return absl::InvalidArgumentError(absl::StrCat("worker '", hello.name(),
+                                                   "': numeric_class must not be empty and slots must be ",
+                                                   least_slots, " to ", kMaxSlots));
   }
   const auto is_tag = [](const std::string& tag) { return !tag.empty() && tag.size() <= rpc::kMaxTagBytes; };
   if (hello.tags_size() > static_cast<int>(rpc::kMaxTags) ||

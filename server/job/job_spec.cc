@@ -13,8 +13,8 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "filter/image/decisions.h"
+#include "filter/image/studio.h"
 #include "filter/image/tile_samples.h"
-#include "proto/rpc/studio.h"
 #include "server/job/frame_list.h"
 #include "server/job/limits.h"
 #include "server/job/plan.h"
@@ -89,7 +89,7 @@ absl::Status CheckPositive(const char* field, double value) {
 absl::Status CheckEnvironment(const v1::JobSpec& spec) {
   if (!spec.has_environment()) return absl::OkStatus();
   const v1::EnvironmentMap& environment = spec.environment();
-  const bool is_file = environment.uri() != rpc::kStudioUri;
+  const bool is_file = environment.uri() != kStudioUri;
   const auto& files = spec.scene().dependencies();
   if (is_file && std::none_of(files.begin(), files.end(),
                               [&](const v1::AssetRef& asset) { return asset.uri() == environment.uri(); })) {

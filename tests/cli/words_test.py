@@ -75,7 +75,7 @@ class Filter(harness.CliTest):
         (self.folder / "text.exr").write_text("This is no picture.\n")
         self.check_golden("filter_missing", "filter", "none.exr", "-o", "out.exr")
         self.check_golden("filter_no_picture", "filter", "text.exr", "-o", "out.exr")
-        self.check_golden("filter_unknown_layout", "filter", "text.exr", "--layout", "arnold", "-o",
+        self.check_golden("filter_unknown_layout", "filter", "text.exr", "--layout", "brand-x", "-o",
                           "out.exr")
         (self.folder / "bad.layout").write_text("combined = C\nbeauty = C\n")
         self.check_golden("filter_bad_layout", "filter", "text.exr", "--layout", "bad.layout", "-o",

@@ -6,8 +6,8 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/strip.h"
 #include "filter/image/picture_io.h"
+#include "filter/image/studio.h"
 #include "proto/rpc/sha256.h"
-#include "proto/rpc/studio.h"
 #include "worker/render/lights/studio.h"
 #include "worker/scene/images/decode_image.h"
 
@@ -63,7 +63,7 @@ absl::StatusOr<SharedEnvironment> DecodedCache::Environment(
     const v1::EnvironmentMap& environment, const std::string& sha256,
     const std::function<absl::StatusOr<std::string>(const std::string& uri)>& read) {
   const auto decode = [&]() -> absl::StatusOr<SharedEnvironment> {
-    if (environment.uri() == rpc::kStudioUri) {
+    if (environment.uri() == kStudioUri) {
       return render::Environment::Create(render::StudioPicture(), environment.rotate_degrees(),
                                          environment.scale());
     }
@@ -73,7 +73,7 @@ absl::StatusOr<SharedEnvironment> DecodedCache::Environment(
   };
   // The numbers exactly: two that print alike would give one another's sky.
   const std::string key =
-      absl::StrFormat("%s %a %a", environment.uri() == rpc::kStudioUri ? environment.uri() : sha256,
+      absl::StrFormat("%s %a %a", environment.uri() == kStudioUri ? environment.uri() : sha256,
                       environment.rotate_degrees(), environment.scale());
   return environments_.Get(key, decode, [](const render::Environment& sky) { return sky.bytes(); });
 }

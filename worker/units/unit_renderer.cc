@@ -10,11 +10,11 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/time.h"
+#include "filter/image/studio.h"
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/rect_codec.h"
-#include "proto/rpc/studio.h"
 #include "worker/scene/out_of_memory.h"
 #include "worker/units/job_plan.h"
 
@@ -84,7 +84,7 @@ v1::CameraMatrices MatricesOf(const render::PictureCamera& camera, const scene::
 }
 
 void DescribeStudio(v1::UnitStats* stats) {
-  stats->set_environment(rpc::kStudioUri);
+  stats->set_environment(kStudioUri);
   stats->add_warnings("the scene has no light: a neutral studio lights it (--env none: it stays black)");
 }
 

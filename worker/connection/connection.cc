@@ -226,6 +226,7 @@ class Connection {
     // Where there is no other, the stream begins as soon as gRPC has connected: our pauses and gRPC's do not
     // add up.
     stream_->Start(MakeHello(options_, worker_), is_only);
+    Rest();  // before the first grant, which is handed back then
     while (!stream_->WaitUntilDone(kPollInterval)) {
       if (options_.alive != nullptr) options_.alive();
       if (!stream_->is_welcome()) {

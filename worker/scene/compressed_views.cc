@@ -115,7 +115,7 @@ absl::StatusOr<CompressedView> Parse(const json& extension) {
 
 /// The colour filter of KHR_meshopt_compression: luma, two differences of chroma with a sign, and alpha, all
 /// with as many bits as the highest bit of alpha says; afterwards red, green, blue and alpha over all bits.
-template <typename T, typename Signed>
+template <typename T>
 void DecodeColors(char* data, size_t count) {
   constexpr float kMax = std::numeric_limits<T>::max();
   for (size_t i = 0; i < count; ++i, data += 4 * sizeof(T)) {
@@ -124,15 +124,16 @@ void DecodeColors(char* data, size_t count) {
     int largest = in[3];
     for (int shift = 1; shift < 16; shift *= 2) largest |= largest >> shift;
     const int luma = in[0];
-    const int orange = static_cast<Signed>(in[1]);
-    const int green = static_cast<Signed>(in[2]);
+    constexpr int kSign = 1 << (8 * sizeof(T) - 1);
+    const int orange = (in[1] ^ kSign) - kSign;  // with its sign
+    const int green = (in[2] ^ kSign) - kSign;
     const int alpha = ((in[3] << 1) & largest) | (in[3] & 1);
     const int values[4] = {luma + orange - green, luma + green, luma - orange - green, alpha};
     T out[4] = {};
     for (int c = 0; c < 4; ++c) {
       const float scaled =
           largest == 0 ? 0.0f : static_cast<float>(values[c]) * kMax / static_cast<float>(largest);
-      out[c] = static_cast<T>(std::clamp(scaled, 0.0f, kMax) + 0.5f);
+      out[c] = static_cast<T>(std::lround(std::clamp(scaled, 0.0f, kMax)));
     }
     std::memcpy(data, out, sizeof(out));
   }
@@ -149,8 +150,8 @@ void ApplyFilter(const CompressedView& view, std::string* bytes) {
     case Filter::kExponential:
       return meshopt_decodeFilterExp(bytes->data(), view.count, view.stride);
     case Filter::kColor:
-      if (view.stride == 4) return DecodeColors<uint8_t, int8_t>(bytes->data(), view.count);
-      return DecodeColors<uint16_t, int16_t>(bytes->data(), view.count);
+      if (view.stride == 4) return DecodeColors<uint8_t>(bytes->data(), view.count);
+      return DecodeColors<uint16_t>(bytes->data(), view.count);
   }
 }
 

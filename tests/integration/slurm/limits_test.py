@@ -67,7 +67,8 @@ class CoreHoursTest(SlurmTest):
                               check=True).stdout
 
     def test_core_hours_agree_within_two_percent(self):
-        jobs = [self.submit_job(*NO_END) for _ in range(2)]
+        # Of two users: those of one are served one after the other.
+        jobs = [self.submit_job(*NO_END, "--user", user) for user in ("ann", "bob")]
         # Planned by another worker, so that those of Slurm have units from the first second on.
         planner = self.farm.start_worker("--drain-seconds", "0")
         for job in jobs:

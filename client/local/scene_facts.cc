@@ -5,19 +5,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "filter/image/parallel.h"
+#include "worker/plan/scene_memory.h"
 #include "worker/scene/gltf_loader.h"
 
 namespace lumifold::local {
 namespace {
-
-/// Of Embree's tree over a triangle, and of a texture's mip levels beside the texture.
-constexpr int64_t kTreeBytes = 90;
-constexpr double kWithMips = 4.0 / 3;
-
-template <typename T>
-int64_t BytesOf(const std::vector<T>& values) {
-  return static_cast<int64_t>(values.size() * sizeof(T));
-}
 
 std::string LightText(const scene::PunctualLight& light) {
   using Kind = scene::PunctualLight::Kind;
@@ -28,21 +20,15 @@ std::string LightText(const scene::PunctualLight& light) {
 }
 
 void AddGeometry(const scene::Scene& scene, client::SceneFacts* facts) {
-  for (const scene::Mesh& mesh : scene.meshes) {
-    const auto triangles = static_cast<int64_t>(mesh.triangles.size() / 3);
-    facts->triangles += triangles;
-    facts->memory_bytes += BytesOf(mesh.positions) + BytesOf(mesh.normals) + BytesOf(mesh.uvs[0]) +
-                           BytesOf(mesh.uvs[1]) + BytesOf(mesh.tangents) + BytesOf(mesh.colors) +
-                           BytesOf(mesh.triangles) + kTreeBytes * triangles;
-  }
+  for (const scene::Mesh& mesh : scene.meshes)
+    facts->triangles += static_cast<int64_t>(mesh.triangles.size() / 3);
   facts->instances = static_cast<int64_t>(scene.instances.size());
 }
 
 void AddTextures(const scene::Scene& scene, client::SceneFacts* facts) {
   facts->textures = static_cast<int64_t>(scene.images.size());
   for (const scene::SharedImage& image : scene.images) {
-    facts->texture_pixels += int64_t{image->width} * image->height;
-    facts->memory_bytes += static_cast<int64_t>(static_cast<double>(image->rgba.size()) * kWithMips);
+    if (image != nullptr) facts->texture_pixels += int64_t{image->width} * image->height;
   }
 }
 
@@ -65,6 +51,7 @@ absl::StatusOr<client::SceneFacts> ReadSceneFacts(const std::string& path) {
   facts.warnings = scene->warnings;
   AddGeometry(*scene, &facts);
   AddTextures(*scene, &facts);
+  facts.memory_bytes = static_cast<int64_t>(plan::SceneMemory(*scene, 0, 0));
   return facts;
 }
 

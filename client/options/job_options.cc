@@ -22,11 +22,16 @@ constexpr char kMse255[] = "mse255";
 constexpr char kRelMse[] = "relmse";
 constexpr int kMaxMb = 1 << 20;  // a coordinator takes no larger asset
 
-/// Values of --env that are no file; a file of that name has a folder before it ("./studio").
+/// Value of --env for no environment. Neither it nor kStudioUri is a file: a file of that name has a folder
+/// before it ("./none").
 constexpr char kNoEnvironment[] = "none";
 
+bool HasEnvironment(const EnvironmentMapOptions& environment) {
+  return !environment.path.empty() && environment.path != kNoEnvironment;
+}
+
 bool HasEnvironmentFile(const EnvironmentMapOptions& environment) {
-  return !environment.path.empty() && environment.path != kStudioUri && environment.path != kNoEnvironment;
+  return HasEnvironment(environment) && environment.path != kStudioUri;
 }
 
 /// URI of the environment map in the job; no file of a scene can have this scheme.
@@ -207,7 +212,7 @@ std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::st
                                     options.view.size.height));
   if ((options.lens.f_stop > 0) != (options.lens.focus_metres > 0))
     return report("--f-stop and --focus must be given together");
-  if ((options.environment.path.empty() || options.environment.path == kNoEnvironment) &&
+  if (!HasEnvironment(options.environment) &&
       (options.environment.rotate_degrees != 0 || options.environment.scale != 1))
     return report("--env-rotate and --env-scale require --env");
   if (options.planning.mode != "auto" && options.planning.mode != "full") {
@@ -271,7 +276,7 @@ v1::JobSpec MakeJobSpec(const JobOptions& options) {
                                                                     : v1::PLAN_MODE_AUTO);
   for (const std::string& forced : options.planning.forced) spec.mutable_planning()->add_forced(forced);
   spec.set_keep_dark(options.environment.path == kNoEnvironment);
-  if (!options.environment.path.empty() && options.environment.path != kNoEnvironment) {
+  if (HasEnvironment(options.environment)) {
     spec.mutable_environment()->set_uri(EnvironmentUri(options.environment.path));
     spec.mutable_environment()->set_rotate_degrees(options.environment.rotate_degrees);
     spec.mutable_environment()->set_scale(options.environment.scale);

@@ -1,4 +1,5 @@
 #include "client/options/scheduling_options.h"
+
 #include "proto/rpc/bounded_text.h"
 
 namespace lumifold::client {

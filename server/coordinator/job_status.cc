@@ -1,4 +1,5 @@
 #include "server/coordinator/job_status.h"
+
 #include "server/job/job_state.h"
 
 #include <algorithm>

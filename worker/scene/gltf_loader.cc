@@ -1,5 +1,5 @@
-
 #include "worker/scene/gltf_loader.h"
+
 #include <algorithm>
 #include <exception>
 #include <filesystem>
@@ -9,6 +9,7 @@
 #include <tuple>
 #include <utility>
 #include <vector>
+
 #include "absl/strings/str_cat.h"
 #include "filter/image/file_io.h"
 #include "worker/scene/animations.h"

@@ -1,4 +1,5 @@
 #include "tests/unit/server/coordinator_fixture.h"
+
 #include "server/storage/folder_contents.h"
 
 #include <spdlog/logger.h>

@@ -29,8 +29,8 @@ class Availability {
  public:
   explicit Availability(AvailabilityOptions options);
 
-  /// Why the worker rests: "off hours until 19:00", "others use 1.3 cores"; empty if it may render. A few
-  /// system calls.
+  /// Why the worker rests: "off hours until 19:00", "others use this machine, limit 1 cores"; empty if it may
+  /// render. A few system calls.
   std::string RestReason();
 
  private:

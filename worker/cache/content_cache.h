@@ -6,7 +6,6 @@
 #include <memory>
 #include <set>
 #include <string>
-#include <utility>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/cleanup/cleanup.h"
@@ -37,16 +36,16 @@ class ContentCache {
       if (Value value = Find(key)) return value;
       making_.insert(key);
     }
-    // Also where `make` throws: those who wait for it try in its place.
-    absl::Cleanup settle = [&] {
+    // After Keep; also where `make` fails or throws: those who wait for it try in its place.
+    const absl::Cleanup settle = [&] {
       absl::MutexLock lock(&mutex_);
       making_.erase(key);
     };
     absl::StatusOr<Value> value = make();
-    std::move(settle).Cancel();
-    absl::MutexLock lock(&mutex_);
-    making_.erase(key);
-    if (value.ok()) Keep(key, *value, bytes_of(**value));
+    if (value.ok()) {
+      absl::MutexLock lock(&mutex_);
+      Keep(key, *value, bytes_of(**value));
+    }
     return value;
   }
 

@@ -37,6 +37,7 @@ ALLOWED = {
     "room": (3, 3.5),
     "textures": (2.4, 7),
     "surfaces": (3, 7),
+    "mixtures": (1.3, 2.2),
     "animation": (1.3, 1.9),
     "pictures": (1.3, 9.5),
 }
@@ -250,6 +251,27 @@ class FramesAtAFarm(FarmTest):
         self.assertIn("no range of frames", self.submit(frames="5-1")["submitted"])
         self.assertIn("Frame 1: ", report := self.submit(frames="1-3", server="127.0.0.1:1")["submitted"])
         self.assertIn("cannot reach the coordinator", report)
+
+
+class WithoutAWindow(BlenderTest):
+    def test_losses_and_progress_are_printed(self):
+        command = self.command(("surfaces", self.folder, {"settings": {"samples": 8}}))
+        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=900)
+        lost = [line for line in done.stdout.splitlines() if line.startswith("Lumifold: not carried over: ")]
+        self.assertEqual([line.removeprefix("Lumifold: not carried over: ") for line in lost],
+                         json.loads((self.folder / "report.json").read_text())["losses"])
+        self.assertRegex(done.stdout, r"Lumifold \| \S.* \d+%")
+
+    def test_a_python_without_numpy_is_named(self):
+        code = ("import sys; sys.modules['numpy'] = None; sys.path.insert(0, sys.argv[-1])\n"
+                "import lumifold\ntry: lumifold.register()\nexcept ImportError as error: print('SAID', error)")
+        done = subprocess.run(blender.expression(code, ADDON),
+                              env=self.environment,
+                              capture_output=True,
+                              text=True,
+                              timeout=300)
+        self.assertIn("SAID Lumifold needs numpy in Blender's Python: install the Debian package python3-numpy",
+                      done.stdout + done.stderr)
 
 
 class Errors(BlenderTest):

@@ -6,7 +6,7 @@ import tempfile
 
 import bpy
 
-from . import exr, export, frame_jobs, passes, preferences, program, world
+from . import exr, export, frame_jobs, passes, preferences, program, unsupported, world
 
 
 class Submission:
@@ -22,6 +22,7 @@ class Submission:
 
 
 submission = None  # while frames are submitted
+told = set()  # losses that a Blender without a window has printed
 
 
 class LumifoldEngine(bpy.types.RenderEngine):
@@ -76,6 +77,8 @@ class Frame:
         executable = preferences.program_path()
         if not executable:
             raise program.ProgramError(preferences.MISSING)
+        if bpy.app.background:
+            self.tell_losses()
         self.show(program.Progress("exporting"))
         picture = export.export(self.depsgraph, self.folder, self.size, self.engine.test_break)
         if self.engine.test_break():
@@ -95,6 +98,13 @@ class Frame:
             self.engine.report({"WARNING"}, text)
         self.hand_over(exr.read(output), self.wanted)
 
+    def tell_losses(self):
+        """Prints what the panel lists, each once: nobody sees the panel."""
+        for text in unsupported.losses_of(self.scene):
+            if text not in told:
+                told.add(text)
+                print(f"Lumifold: not carried over: {text}", flush=True)
+
     def submit(self, executable, place, picture):
         """Submits the frame and lets Blender go on; its own result stays empty."""
         scene, layers = self.scene, [layer for layer in self.scene.view_layers if layer.use]
@@ -105,7 +115,8 @@ class Frame:
 
     def show(self, progress):
         name = f"{progress.job}: " if progress.job else ""
-        self.engine.update_stats("", f"Lumifold | {name}{progress.stage}")
+        share = "" if progress.share is None else f" {progress.share:.0%}"
+        self.engine.update_stats("", f"Lumifold | {name}{progress.stage}{share}")
         if progress.share is not None:
             self.engine.update_progress(progress.share)
 

@@ -53,7 +53,7 @@ def add_objects(depsgraph, builder, writer, is_cancelled):
         elif thing.type in meshes.TYPES:
             key = mesh_key(thing)
             if key not in meshes_by_key:
-                primitives = meshes.primitives_of(builder, thing, writer.index)
+                primitives = meshes.primitives_of(builder, thing, writer)
                 made = builder.append(
                     "meshes", {"name": thing.data.name, "primitives": primitives}) if primitives else None
                 meshes_by_key[key] = made

@@ -57,13 +57,15 @@ class GltfBuilder:
             made["min"], made["max"] = array.min(axis=0).tolist(), array.max(axis=0).tolist()
         return self.append("accessors", made)
 
-    def primitive(self, positions, triangles, material=None, normals=None, uvs=()):
+    def primitive(self, positions, triangles, material=None, normals=None, uvs=(), colors=None):
         """A primitive of a mesh, in glTF's axes."""
         attributes = {"POSITION": self.accessor(positions.astype(numpy.float32), bounds=True)}
         if normals is not None:
             attributes["NORMAL"] = self.accessor(normals.astype(numpy.float32))
         for index, uv in enumerate(uvs):
             attributes[f"TEXCOORD_{index}"] = self.accessor(uv.astype(numpy.float32))
+        if colors is not None:
+            attributes["COLOR_0"] = self.accessor(colors.astype(numpy.float32))
         made = {
             "attributes": attributes,
             "indices": self.accessor(triangles.astype(numpy.uint32).ravel(), ELEMENT_ARRAY_BUFFER)

@@ -10,7 +10,16 @@ THICKNESS = 1  # any value above 0 makes a mesh of glass a solid, as it is in Bl
 class MaterialWriter:
     def __init__(self, builder, files):
         self.builder, self.files = builder, files
-        self.indices = {}
+        self.translated, self.indices = {}, {}
+
+    def translate(self, material):
+        if material.name not in self.translated:
+            self.translated[material.name] = materials.translate(material)
+        return self.translated[material.name]
+
+    def vertex_colors(self, material):
+        """The colour attribute of meshes that a material wants, "" for that of rendering, or None."""
+        return None if material is None else self.translate(material).vertex_colors
 
     def index(self, material, uv_names):
         """Index in the file of a material on a mesh with these UV maps; None for no material."""
@@ -19,7 +28,7 @@ class MaterialWriter:
         key = (material.name, uv_names)
         if key not in self.indices:
             self.indices[key] = self.builder.append("materials",
-                                                    self.write(materials.translate(material), uv_names))
+                                                    self.write(self.translate(material), uv_names))
         return self.indices[key]
 
     def write(self, made, uv_names):
@@ -70,7 +79,7 @@ class MaterialWriter:
         elif alpha:
             surface["baseColorTexture"] = info(alpha, self.files.data(1.0, 1.0, 1.0, alpha))
         if not isinstance(color, Texture) or alpha is None:
-            rgb = WHITE if isinstance(color, Texture) else clamped(color)
+            rgb = [color.factor] * 3 if isinstance(color, Texture) else clamped(color)
             surface["baseColorFactor"] = [*rgb, 1.0 if alpha else min(max(made.alpha, 0.0), 1.0)]
         if alpha or made.alpha < 1:
             written["alphaMode"] = "BLEND"  # Cycles blends always, whatever the mode of the viewport

@@ -274,6 +274,21 @@ class WithoutAWindow(BlenderTest):
                       done.stdout + done.stderr)
 
 
+class Viewport(BlenderTest):
+    def test_pictures_become_finer_and_begin_anew(self):
+        command = blender.command(HERE / "viewport.py", self.folder, options=WITH_ADDON)
+        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=900)
+        self.assertTrue((self.folder / "report.json").exists(), done.stdout + done.stderr)
+        report = json.loads((self.folder / "report.json").read_text())
+        self.assertEqual(report["first"], [[30, 40], [80, 106], [240, 320]], "coarse, then finer")
+        self.assertEqual(report["interrupted"][-1], [240, 320])
+        self.assertLess(len(report["interrupted"]), 6, "a view that was left is not rendered to its end")
+        self.assertLess(report["difference"], 0.02, "the same picture as that of a render")
+        self.assertEqual(report["repeated"], 0, "an unchanged view is not rendered again")
+        self.assertIn('no method is named "shiny"', report["error"])
+        self.assertEqual([path.name for path in (self.folder / "tmp").glob("lumifold*")], [], "left behind")
+
+
 class Errors(BlenderTest):
     def test_wrong_endpoint(self):
         error = self.error_of("room", settings={"where": "FARM", "server": "127.0.0.1:1"})

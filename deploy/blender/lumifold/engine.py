@@ -5,8 +5,10 @@ import pathlib
 import tempfile
 
 import bpy
+import gpu
+from gpu_extras.presets import draw_texture_2d
 
-from . import exr, export, frame_jobs, passes, preferences, program, unsupported, world
+from . import exr, export, frame_jobs, passes, preferences, program, unsupported, viewport, world
 
 
 class Submission:
@@ -48,6 +50,44 @@ class LumifoldEngine(bpy.types.RenderEngine):
                 self.fail("The job was cancelled at the farm")
         except (program.ProgramError, export.ExportError, world.WorldError, ValueError, OSError) as error:
             self.fail(str(error))
+
+    viewport = texture = None
+
+    def view_update(self, context, depsgraph):
+        """The scene of a rendered viewport has changed; Blender calls it first of all, too."""
+        if self.viewport is None:
+            executable = preferences.program_path()
+            if not executable:
+                self.update_stats("Lumifold", preferences.MISSING)
+                return
+            self.viewport = viewport.ViewportRender(executable, self.tag_redraw)
+        try:
+            self.viewport.set_scene(depsgraph)
+            self.viewport.set_view(viewport.View.of(context.region, context.region_data))
+        except (world.WorldError, ValueError, OSError) as error:
+            self.update_stats("Lumifold", str(error))
+
+    def view_draw(self, context, depsgraph):
+        """Draws the newest picture, and begins another if the view has changed."""
+        if self.viewport is None:
+            return
+        self.viewport.set_view(viewport.View.of(context.region, context.region_data))
+        self.update_stats("Lumifold", self.viewport.stage)
+        picture = self.viewport.picture
+        if picture is None:
+            return
+        if self.texture is None or self.texture[0] is not picture:
+            height, width, _ = picture.shape
+            pixels = gpu.types.Buffer("FLOAT", width * height * 4, passes.from_the_bottom(picture).ravel())
+            self.texture = picture, gpu.types.GPUTexture((width, height), format="RGBA16F", data=pixels)
+        self.bind_display_space_shader(depsgraph.scene)
+        draw_texture_2d(self.texture[1], (0, 0), context.region.width, context.region.height)
+        self.unbind_display_space_shader()
+
+    def __del__(self):
+        if self.viewport is not None:
+            self.viewport.close()
+        getattr(super(), "__del__", lambda: None)()  # Blender's own, since 4.4
 
     def fail(self, text):
         if submission:

@@ -1,5 +1,6 @@
 """Builds a glTF 2.0 file with one binary file beside it. Needs no Blender."""
 
+import copy
 import json
 import pathlib
 
@@ -31,6 +32,12 @@ class GltfBuilder:
             "scenes": [{"nodes": []}],
         }
         self.binary = bytearray()
+
+    def fork(self):
+        """A builder that begins with what this one has written: both files share the binary one."""
+        made = GltfBuilder()
+        made.json = copy.deepcopy(self.json)
+        return made
 
     def append(self, section, value):
         """Appends to a list of the file; returns the index."""

@@ -38,6 +38,7 @@ ALLOWED = {
     "textures": (2.4, 7),
     "surfaces": (3, 7),
     "mixtures": (1.3, 2.2),
+    "procedural": (2.2, 7),
     "animation": (1.3, 1.9),
     "pictures": (1.3, 9.5),
 }
@@ -105,7 +106,8 @@ class Pictures(BlenderTest):
         scenes = [scene for scene in ALLOWED if scene != "light_of_4_5" or blender.version() >= (4, 5)]
         samples = [FEW_SAMPLES if ALLOWED[scene][1] > 1 else SAMPLES for scene in scenes]
         folders = self.render_each(
-            *((scene, {"settings": {"samples": n}, "cycles": n}) for scene, n in zip(scenes, samples)))
+            *((scene, {"settings": {"samples": n, "bake_resolution": 512}, "cycles": n})
+              for scene, n in zip(scenes, samples)))
         for scene, folder in zip(scenes, folders):
             with self.subTest(scene):
                 self.check(scene, folder)

@@ -141,7 +141,7 @@ class Socket:
 
 
 def node(kind, outputs=(), inputs=(), **values):
-    made = types.SimpleNamespace(type=kind, bl_label=values.pop("label", kind), **values)
+    made = types.SimpleNamespace(type=kind, name=kind, bl_label=values.pop("label", kind), **values)
     made.inputs, made.outputs = list(inputs), list(outputs)
     for socket in (*made.inputs, *made.outputs):
         socket.node = made
@@ -435,7 +435,7 @@ def scene(*objects, **render):
                                  camera=camera,
                                  world=None,
                                  render=types.SimpleNamespace(**{**plain, **render}),
-                                 lumifold=types.SimpleNamespace(soft_points=True))
+                                 lumifold=types.SimpleNamespace(soft_points=True, bake_resolution=0))
 
 
 def thing(kind, name, data=None, **values):

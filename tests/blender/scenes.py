@@ -247,6 +247,28 @@ def mixtures():
     camera((0, -5, 2), (0, 0, 0.4), 42)
 
 
+def procedural():
+    """Textures that Cycles computes, as colours and as bumps."""
+    ground, ball = (shader(name, "ShaderNodeBsdfDiffuse") for name in ("ground", "ball"))
+    tree = ground.node_tree
+    checks = tree.nodes.new("ShaderNodeTexChecker")
+    checks.inputs["Scale"].default_value = 6
+    tree.links.new(checks.outputs["Color"], tree.nodes[0].inputs["Color"])
+    add("plane", ground, size=6)
+    tree = ball.node_tree
+    noise, bump, waves = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexNoise", "Bump", "TexWave"))
+    noise.inputs["Scale"].default_value = waves.inputs["Scale"].default_value = 2
+    bump.inputs["Strength"].default_value, bump.inputs["Distance"].default_value = 1, 0.1
+    tree.links.new(noise.outputs["Color"], tree.nodes[0].inputs["Color"])
+    tree.links.new(waves.outputs["Fac"], bump.inputs["Height"])
+    tree.links.new(bump.outputs[0], tree.nodes[0].inputs["Normal"])
+    for x in (-0.8, 0.8):
+        add("uv_sphere", ball, True, radius=0.7, location=(x, 0, 0.7), segments=64, ring_count=32)
+    light("AREA", 150, (0, -2, 4), shape="SQUARE", size=1.5)
+    color_world(0.2, 0.2, 0.2)
+    camera((0, -5, 2), (0, 0, 0.4), 42)
+
+
 def pictures():
     """Each input that may be a picture, on panels before a grey wall."""
     add("plane", matt("wall", 0.5, 0.5, 0.5), size=8, location=(0, 1, 0)).rotation_euler = (math.pi / 2, 0, 0)
@@ -316,6 +338,6 @@ def animation():
 
 SCENES = {
     made.__name__: made for made in (room, square_light, ellipse_light, point_light, sun_light, light_of_4_5,
-                                     world, textures, surfaces, mixtures, animation,
+                                     world, textures, surfaces, mixtures, procedural, animation,
                                      pictures)
 }

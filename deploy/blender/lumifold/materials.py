@@ -50,11 +50,13 @@ class Material:
     normal_strength: float = 1.0
     double_sided: bool = True
     losses: list = dataclasses.field(default_factory=list)
+    baked: object = None  # baked(node, socket, kind): the picture of an input that glTF cannot carry, or None
 
 
-def translate(material):
-    """The glTF material of one of Blender's, with its losses."""
-    made = Material(name=material.name, double_sided=not material.use_backface_culling)
+def translate(material, baked=lambda node, socket, kind: None):
+    """The glTF material of one of Blender's, with its losses. `baked` is asked for a picture of each input that
+    only a picture carries: names of node and socket, and "COLOR" or "NORMAL"."""
+    made = Material(name=material.name, double_sided=not material.use_backface_culling, baked=baked)
     tree = versions.node_tree(material)
     if tree is None:
         made.base_color = tuple(material.diffuse_color[:3])
@@ -243,7 +245,7 @@ def read_add(made, node):
 def read_both(made, node, nodes, weights, ior=None):
     """The nearest material to the weighted sum of two shaders; `ior`: of a highlight of the second over the
     first, which is how plastic is often built."""
-    first, second = (Material(name=made.name, double_sided=made.double_sided) for _ in nodes)
+    first, second = (Material(name=made.name, double_sided=made.double_sided, baked=made.baked) for _ in nodes)
     for part, shader in zip((first, second), nodes):
         read_shader(part, shader)
     if ior and second.metallic == 1 and first.metallic == 0 and is_number(first.alpha) and first.alpha > 0:
@@ -289,7 +291,11 @@ def read_normal(made, socket):
         return
     texture = texture_behind(made, find_input(node, "Color"), "RGB") if node.type == "NORMAL_MAP" else None
     if texture is None or node.space != "TANGENT":
-        made.losses.append(f"'{node.bl_label}' at Normal")
+        image = made.baked(socket.node.name, socket.identifier, "NORMAL")
+        if image is None:
+            made.losses.append(f"'{node.bl_label}' at Normal")
+        else:
+            made.normal = Texture(image)
         return
     uv_map = node.uv_map
     if uv_map and uv_map != texture.uv_map:
@@ -325,6 +331,10 @@ class Inputs:
         texture = texture_behind(self.made, socket, channels) if may_be_texture else None
         if texture is not None:
             return texture
+        if may_be_texture:
+            image = self.made.baked(self.node.name, socket.identifier, "COLOR")
+            if image is not None:
+                return Texture(image, channels)
         source = node_behind(socket)
         self.made.losses.append(
             f"'{source.bl_label}' at {socket.name}" if source else f"link at {socket.name}")

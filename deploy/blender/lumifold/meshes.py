@@ -23,14 +23,14 @@ def primitives_of(builder, thing, writer):
         for slot in numpy.unique(slots):
             used, indices = numpy.unique(triangles[slots == slot], return_inverse=True)
             material = materials[min(slot, len(materials) - 1)]
-            colors = corner_colors(mesh, writer.vertex_colors(material))
+            colors = corner_colors(mesh, writer.vertex_colors(thing, material))
             end = 6 + 2 * len(uv_names)
             whole = corners[used] if colors is None else numpy.hstack([corners[used], colors[used]])
             rows, _, inverse = distinct_rows(whole)
             indices = inverse[indices].reshape(-1, 3)
             uvs = [rows[:, 6 + 2 * i : 8 + 2 * i] for i in range(len(uv_names))]
             made.append(
-                builder.primitive(rows[:, :3], indices, writer.index(material, tuple(uv_names)), rows[:, 3:6],
+                builder.primitive(rows[:, :3], indices, writer.index(thing, material, tuple(uv_names)), rows[:, 3:6],
                                   uvs, None if colors is None else rows[:, end:]))
         return made
     finally:

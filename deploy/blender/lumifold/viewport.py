@@ -10,8 +10,6 @@ import numpy
 
 from . import camera, exr, export, program, world
 from .gltf import GltfBuilder
-from .material_writer import MaterialWriter
-from .textures import TextureFiles
 
 # One after another: pixels of the window for a pixel of the picture, and samples.
 STEPS = ((8, 4), (3, 16), (1, 64))
@@ -51,8 +49,7 @@ class ViewportRender:
         folder.mkdir()
         scene = depsgraph.scene
         builder = GltfBuilder()
-        export.add_objects(depsgraph, builder, MaterialWriter(builder, TextureFiles(builder, folder)),
-                           lambda: False)
+        export.add_objects(depsgraph, builder, folder)
         builder.write(folder / "scene.gltf")
         self.environment = world.write_environment(scene.world, folder, scene.lumifold.world_width,
                                                    scene.frame_current)

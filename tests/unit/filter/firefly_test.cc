@@ -56,6 +56,21 @@ TEST(Fireflies, AnExcessThatTheOtherHalfShowsMostOfStays) {
   EXPECT_EQ(halves.b[0].At(5, 4), 5.5f);
 }
 
+// Of the 25 pixels of the window, 19 are dark. That is one more than the quantile needs.
+TEST(Fireflies, AreJudgedByEachSideOfTheWindow) {
+  for (const auto& [dx, dy] : {std::pair(-2, 0), {2, 0}, {0, -2}, {0, 2}}) {
+    Halves halves = FlatHalves(11, 9, 1.0f);
+    for (Planes* half : {&halves.a, &halves.b}) {
+      for (Plane& plane : *half) {
+        for (int i = -2; i <= 2; ++i) plane.At(5 + (dx != 0 ? dx : i), 4 + (dy != 0 ? dy : i)) = 1e4f;
+      }
+    }
+    for (Plane& plane : halves.a) plane.At(5, 4) = 1000.0f;
+    ASSERT_FALSE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr)[0].empty()) << dx << "," << dy;
+    EXPECT_NEAR(halves.a[0].At(5, 4), 2.0f, 1e-3f) << dx << "," << dy;
+  }
+}
+
 TEST(Fireflies, BrightPixelsThatBothHalvesSeeStay) {
   Halves halves = FlatHalves(11, 9, 1.0f);
   for (Planes* half : {&halves.a, &halves.b}) {

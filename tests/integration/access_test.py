@@ -119,6 +119,16 @@ class AccessTest(unittest.TestCase):
                             "no profile 'ann'",
                             code=4)
 
+    def test_the_doctor_reports_on_everything_it_looks_at(self):
+        self.invite_person("cid")
+        done = run("lumifold", "doctor", "--profile", "cid", "--json", check=False)
+        subjects = [json.loads(line)["subject"] for line in done.stdout.splitlines()]
+        for subject in ("this machine", "lumifold-server", "lumifold-worker", "configuration",
+                        "profile default", "profile cid", "coordinator " + self.farm.address, "you",
+                        "workers"):
+            with self.subTest(subject=subject):
+                self.assertIn(subject, subjects)
+
     def test_secrets_are_for_their_user_alone(self):
         for folder in (self.farm.profiles, self.farm.root / "data" / "access"):
             for path in [folder, *folder.rglob("*")]:

@@ -82,6 +82,15 @@ void Farm::EnterJob(const LoadedJob& loaded) {
   watchers.MarkChanged(id);
 }
 
+void Farm::SetPlan(const job::UnitRef& unit, const v1::JobSpec& planned) {
+  ActiveJob* const active = jobs.FindActive(unit.job);
+  active->record.spec = planned;
+  scheduler.units().SetPlan(unit, planned);
+  for (const int32_t frame : job::SkippedFrames(active->record.scheduling.gaps()))
+    scheduler.frames().Skip(unit.job, frame);
+  LimitFramesFor(unit.job);
+}
+
 void Farm::EndJob(const JobId& job, v1::JobState state, const std::string& cause) {
   std::optional<ActiveJob> active = jobs.TakeActive(job);
   if (!active.has_value()) return;

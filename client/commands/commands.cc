@@ -32,6 +32,7 @@ const std::vector<Command>& Commands() {
       {"drain", "Let a worker finish its units and leave", RunDrain},
       {"block", "Give a worker no units until it is readmitted", RunBlock},
       {"readmit", "Give a worker units again", RunReadmit},
+      {"usage", "Print the core hours of users and jobs", RunUsage},
       {"server-status", "Print the state of the coordinator", RunServerStatus},
       {"login", "Get access to a coordinator with a code", RunLogin},
       {"logout", "Forget the access to a coordinator", RunLogout},

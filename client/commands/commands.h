@@ -55,6 +55,7 @@ ExitCode RunWorkers(const std::vector<std::string>& arguments, const Environment
 ExitCode RunDrain(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunBlock(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunReadmit(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunUsage(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunServerStatus(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunDownload(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunLogin(const std::vector<std::string>& arguments, const Environment& environment);

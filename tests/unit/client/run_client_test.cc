@@ -287,6 +287,29 @@ TEST_F(RunClientTest, SendsHowAJobIsScheduled) {
   EXPECT_THAT(Err(), HasSubstr("--tag: expected a non-empty text"));
 }
 
+TEST_F(RunClientTest, AWorkerThatIsNotThereIsNotFound) {
+  EXPECT_EQ(Run({"workers", "node-99"}), 4);
+  EXPECT_THAT(Err(), HasSubstr("no worker 'node-99'"));
+}
+
+TEST_F(RunClientTest, PrintsUsageByUserAndJob) {
+  EXPECT_EQ(Run({"usage", "--since", "2026-11-01", "--until", "2026-12-01", "--user", "ann"}), 0) << Err();
+  EXPECT_THAT(farm_.calls(), ElementsAre(R"(GetUsage since_unix_ms: 1793491200000 )"
+                                         R"(until_unix_ms: 1796083200000 user: "ann")"));
+  EXPECT_THAT(
+      Out(),
+      HasSubstr("2                    ann                       3.000          1.000        20        4\n"));
+  EXPECT_THAT(
+      Out(),
+      HasSubstr("job-2                ben                       1.500          0.500        10        2\n"));
+  EXPECT_EQ(Run({"usage", "--json"}), 0);
+  EXPECT_THAT(Out(),
+              HasSubstr(R"({"schema_version":1,"job_id":"job-1","user":"ann","render_core_seconds":5400.0,)"
+                        R"("finish_core_seconds":1800.0,"units":10,"frames":2})"));
+  EXPECT_EQ(Run({"usage", "--since", "yesterday"}), 2);
+  EXPECT_THAT(Err(), HasSubstr("--since: expected a day such as 2026-11-01; got 'yesterday'"));
+}
+
 TEST_F(RunClientTest, ChangesAJob) {
   farm_.jobs = {{"job-1", Job(v1::JOB_STATE_PAUSED)}};
   EXPECT_EQ(Run({"pause", "job-1"}), 0);

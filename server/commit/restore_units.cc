@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -21,7 +22,7 @@ constexpr size_t kMaxCommit = 1000;
 class LogTail {
  public:
   LogTail(const DataFolder& folder, ledger::JobStore& store, const ledger::OwnedJob& job,
-          const ledger::JobRecord& record, absl::Time now, int32_t frame, std::string name)
+          const ledger::JobRecord& record, std::optional<absl::Time> now, int32_t frame, std::string name)
       : store_(store),
         counted_(record.counted),
         now_(now),
@@ -74,7 +75,8 @@ class LogTail {
     record.length = place.length;
     record.samples = units_.is_adaptive() ? unit.stats.samples() : units_.CameraSamplesOf(key);
     record.bad_samples = unit.stats.bad_samples();
-    if (unit.attempt >= counted_) record.cost = ledger::UnitCost{now_, unit.stats.seconds()};
+    if (now_.has_value() && unit.attempt >= counted_)
+      record.cost = ledger::UnitCost{*now_, unit.stats.seconds()};
     commit_.warnings.insert(commit_.warnings.end(), unit.stats.warnings().begin(),
                             unit.stats.warnings().end());
     return commit_.units.size() < kMaxCommit ? absl::OkStatus() : Flush(visit);
@@ -94,7 +96,7 @@ class LogTail {
 
   ledger::JobStore& store_;
   const job::Attempt counted_;
-  const absl::Time now_;
+  const std::optional<absl::Time> now_;
   const job::FrameUnits units_;
   const int32_t frame_;
   const std::string name_;
@@ -108,7 +110,8 @@ class LogTail {
 
 absl::StatusOr<RestoredUnits> RestoreUnits(const DataFolder& folder, ledger::JobStore& store,
                                            const ledger::OwnedJob& job, const ledger::JobRecord& record,
-                                           const std::vector<int32_t>& finished, absl::Time now,
+                                           const std::vector<int32_t>& finished,
+                                           std::optional<absl::Time> now,
                                            absl::FunctionRef<void(const ledger::UnitRecord&)> visit) {
   RestoredUnits restored;
   std::map<std::string, uint64_t> ends;  // of the committed records, by log

@@ -26,7 +26,7 @@ ExitCode RunUsage(const std::vector<std::string>& arguments, const Environment& 
   std::string until;
   v1::GetUsageRequest request;
   RemoteOptions remote(environment);
-  CommandLine command_line("usage", SummaryOf("usage"));
+  CommandLine command_line(WordsOf("usage"));
   command_line.AddText("--since", "DAY", &since,
                        "From this day (UTC) on, such as 2026-11-01 (default: all days)");
   command_line.AddText("--until", "DAY", &until, "To before this day (default: today, included)");

@@ -21,7 +21,7 @@ bool NameCoordinators(const v1::ListWorkersResponse& page) {
 ExitCode RunWorkers(const std::vector<std::string>& arguments, const Environment& environment) {
   RemoteOptions remote(environment);
   v1::ListWorkersRequest request;
-  CommandLine command_line("workers", SummaryOf("workers"));
+  CommandLine command_line(WordsOf("workers"));
   command_line.AddOptionalArgument("WORKER", request.mutable_worker(),
                                    "Only this worker, by id (w-...) or name, with its last frames");
   remote.AddTo(command_line);

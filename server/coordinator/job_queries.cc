@@ -122,6 +122,7 @@ absl::Status JobQueries::AddListed(const ledger::JobPage& page, const v1::ListJo
     if (!states.empty() && std::find(states.begin(), states.end(), status.state()) == states.end()) return;
     // A thousand jobs must fit a message: what may be long is in GetJob.
     status.clear_warnings();
+    status.clear_settings();
     status.mutable_scheduling()->mutable_gaps()->clear_skipped();
     status.set_error(rpc::BoundedLine(status.error(), kMaxListedErrorBytes));
     *response->add_jobs() = std::move(status);

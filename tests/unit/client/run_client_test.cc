@@ -12,6 +12,7 @@ namespace {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::IsEmpty;
 using testing::StartsWith;
 
 TEST_F(RunClientTest, RefusesOutputsBeforeAnyWork) {
@@ -59,6 +60,20 @@ TEST_F(RunClientTest, PrintsTheIdOfASubmittedJobAlone) {
   EXPECT_EQ(spec.scene().display_name(), "room.gltf");
   EXPECT_EQ(spec.scene().dependencies(0).uri(), "mesh.bin");
   EXPECT_EQ(farm_.submissions()[0].request_id().size(), 32u);
+}
+
+TEST_F(RunClientTest, UploadsNothingOfASceneThatAWorkerWouldRefuse) {
+  test_.environment.local.scene_check = [](const v1::JobSpec& spec, const SceneAssets& assets) {
+    EXPECT_EQ(assets.size(), 2u);
+    EXPECT_EQ(spec.scene().display_name(), "room.gltf");
+    return spec.camera() == "top" ? absl::NotFoundError("room.gltf: no camera 'top'")
+                                  : absl::InvalidArgumentError("room.gltf: needs EXT_new");
+  };
+  EXPECT_EQ(Run({"submit", scene_, "--camera", "top"}), 4);
+  EXPECT_EQ(Run({"submit", scene_}), 1);
+  EXPECT_EQ(Err(), "lumifold: room.gltf: no camera 'top'\nlumifold: room.gltf: needs EXT_new\n");
+  EXPECT_THAT(farm_.uploads(), IsEmpty());
+  EXPECT_THAT(farm_.submissions(), IsEmpty());
 }
 
 TEST_F(RunClientTest, SendsTheFramesAndTheirSpeed) {
@@ -239,6 +254,7 @@ TEST_F(RunClientTest, ListsJobsUpToTheLimit) {
 }
 
 TEST_F(RunClientTest, ListsJobsPageByPageWithFilters) {
+  farm_.jobs.clear();
   for (int i = 0; i < 5; ++i) {
     const std::string id = "j-" + std::to_string(i);
     farm_.jobs[id] = Job(v1::JOB_STATE_DONE);
@@ -264,6 +280,7 @@ TEST_F(RunClientTest, ListsJobsPageByPageWithFilters) {
 
 TEST_F(RunClientTest, SendsHowAJobIsScheduled) {
   test_.environment.defaults.user = "ann";
+  farm_.jobs = {{"j-1", Job(v1::JOB_STATE_RUNNING)}, {"j-2", Job(v1::JOB_STATE_RUNNING)}};
   EXPECT_EQ(Run({"submit", scene_, "--priority", "-20", "--tag", "gpu,night", "--tag", "big", "--max-leases",
                  "7", "--after", "j-1", "--after", "j-2", "--class", "lumifold/avx2", "--paused",
                  "--audit-share", "0.25"}),
@@ -432,6 +449,7 @@ TEST_F(RunClientTest, PrintsTheLogOfAJobOrAWorker) {
   event.set_unix_ms(1'000);
   event.set_level("warn");
   event.set_text("event=unit_failed");
+  farm_.jobs = {{"j-1", Job(v1::JOB_STATE_RUNNING)}};
   EXPECT_EQ(Run({"logs", "j-1"}), 0);
   EXPECT_EQ(Run({"logs", "node:1", "--limit", "5", "--json"}), 0);
   EXPECT_EQ(Out(),

@@ -2,6 +2,7 @@
 Blender."""
 
 import dataclasses
+import functools
 import json
 import queue
 import re
@@ -119,6 +120,7 @@ def download_command(program, place, job, frame, output):
     return [program, "download", job, "-o", output, "--frame", str(frame), *place.connection()]
 
 
+@functools.cache
 def has_option(program, option):
     """Whether `lumifold render` has this option; older programs lack some."""
     done = subprocess.run([program, "render", "--help"],

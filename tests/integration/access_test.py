@@ -325,7 +325,11 @@ class AccessTest(unittest.TestCase):
         self.assertEqual((done.returncode, "is encrypted, and there is no profile for it" in done.stderr),
                          (EXIT_UNREACHABLE, True), done.stderr)
         with Farm(self.root / "plain") as plain:
-            done = run("lumifold", "list", "--server", plain.address, "--profile", "default", check=False)
+            profile = shutil.copytree(self.farm.profiles / "default", self.farm.profiles / "plain")
+            self.addCleanup(shutil.rmtree, profile)
+            text = (profile / "profile").read_text()
+            (profile / "profile").write_text(text.replace(self.farm.address, plain.address))
+            done = run("lumifold", "list", "--profile", "plain", check=False)
             self.assertEqual((done.returncode, "is not encrypted, but the profile" in done.stderr),
                              (EXIT_UNREACHABLE, True), done.stderr)
 

@@ -74,6 +74,7 @@ TEST_F(RunClientTest, UploadsNothingOfASceneThatAWorkerWouldRefuse) {
   EXPECT_EQ(Err(), "lumifold: room.gltf: no camera 'top'\nlumifold: room.gltf: needs EXT_new\n");
   EXPECT_THAT(farm_.uploads(), IsEmpty());
   EXPECT_THAT(farm_.submissions(), IsEmpty());
+  EXPECT_EQ(Run({"submit", scene_, "--unchecked"}), 0) << Err();
 }
 
 TEST_F(RunClientTest, SendsTheFramesAndTheirSpeed) {

@@ -24,6 +24,7 @@ class JobQueries final : public JobApi {
   absl::Status Watch(const std::string& job_id, JobWatcher* watcher) override;
   void Unwatch(JobWatcher* watcher) override;
   absl::StatusOr<v1::ServerStatus> GetServerStatus() override;
+  absl::StatusOr<v1::GetUsageResponse> GetUsage(const v1::GetUsageRequest& request) override;
   absl::StatusOr<v1::GetLogResponse> GetLog(const v1::GetLogRequest& request) override;
 
   /// Committed units of a job, for previews of one of its frames. Errors: those of GetPreview about the job

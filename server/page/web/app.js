@@ -1,7 +1,7 @@
 // The page: what was chosen, and what happens when something changes.
 
 import {call, follow, session, takeFragment} from "/api.js";
-import {JobEntry, fillList, make, problemsOf, serverFacts, workerItem} from "/farm.js";
+import {JobEntry, fillList, frameOfWorker, make, problemsOf, serverFacts, workerItem} from "/farm.js";
 import {Strip, framesOf} from "/frames.js";
 import {actionsOf, ask, explain, fillLayers, followPreview, showFacts, showLog} from "/job.js";
 import {Viewer} from "/viewer.js";
@@ -69,7 +69,7 @@ function showFarm() {
   fillList($("wrong"), problems.map((text) => make("li", {text})));
   if (state.server) fillList($("server"), serverFacts(state.server));
   $("worker-count").textContent = String(state.workers.length);
-  const itemOf = (worker) => workerItem(worker, may("admin") ? workerActions(worker) : []);
+  const itemOf = (worker) => workerItem(worker, workerActions(worker));
   fillList($("workers"), state.workers.map(itemOf));
 }
 
@@ -80,10 +80,21 @@ function workerActions(worker) {
     element.addEventListener("click", () => act(method, {worker: id, ...fields}, question));
     return element;
   };
+  const history = make("button", {type: "button", text: "History"});
+  history.addEventListener("click", () => showHistory(id).catch((error) => say(error.message)));
+  if (!may("admin")) return [history];
   if (["WORKER_STATE_IDLE", "WORKER_STATE_BUSY", "WORKER_STATE_RESTING"].includes(worker.state))
     return [button("Stop", "DrainWorker", "Let the worker finish its units and end?", {finish_units: true}),
-      button("Block", "BlockWorker", "Give the worker no more units?")];
-  return [button("Readmit", "ReadmitWorker")];
+      button("Block", "BlockWorker", "Give the worker no more units?"), history];
+  return [button("Readmit", "ReadmitWorker"), history];
+}
+
+async function showHistory(worker) {
+  const {workers} = await call("ListWorkers", {worker});
+  const frames = workers.flatMap((each) => each.history).reverse();
+  $("history-title").textContent = `Last frames of ${workers[0]?.name ?? worker}`;
+  fillList($("history-frames"), frames.map((frame) => make("li", {text: frameOfWorker(frame)})));
+  $("history").showModal();
 }
 
 function showJob() {

@@ -73,6 +73,15 @@ export function workerItem(worker, actions) {
   return item;
 }
 
+/** A line about a frame that a worker has rendered units of. */
+export function frameOfWorker(frame) {
+  const time = (ms) => new Date(Number(ms)).toLocaleString();
+  const failures = Number(frame.failed) ? `, ${frame.failed} failed` : "";
+  const units = `${frame.units} units${failures}, ${duration(frame.seconds)}`;
+  return `${frame.job_id}, frame ${frame.frame}: ${units}`
+    + ` · ${time(frame.first_unix_ms)} to ${time(frame.last_unix_ms)}`;
+}
+
 /** What an operator should know, in words. */
 export function problemsOf(server, workers, jobs) {
   const problems = [];

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <filesystem>
 #include <utility>
 
@@ -9,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/time/time.h"
+#include "client/scene/camera_aspect.h"
 #include "filter/image/decisions.h"
 #include "filter/image/studio.h"
 #include "proto/rpc/bounded_text.h"
@@ -77,6 +79,22 @@ bool IsPixel(const v1::PixelFilter& filter) {
   return filter.kind() == v1::PIXEL_FILTER_KIND_BOX && filter.width() == 1;
 }
 
+/// Sets the height of a size that has only a width.
+absl::Status CompleteSize(JobOptions* options) {
+  PictureSize& size = options->view.size;
+  if (size.height > 0) return absl::OkStatus();
+  const absl::StatusOr<std::optional<double>> aspect = CameraAspect(options->scene, options->view.camera);
+  if (!aspect.ok()) return aspect.status();
+  const PictureSize plain;  // of which a camera without aspect ratio takes the shape
+  const double height = size.width / aspect->value_or(static_cast<double>(plain.width) / plain.height);
+  if (!(height < kMaxEdge + 0.5))
+    return absl::InvalidArgumentError(absl::StrCat("--size: at the camera's aspect ratio a picture ",
+                                                   size.width, " pixels wide would be higher than ",
+                                                   kMaxEdge));
+  size.height = std::max(1, static_cast<int>(std::lround(height)));
+  return absl::OkStatus();
+}
+
 /// The picture is the region.
 void SetRegion(const ViewOptions& options, v1::JobSpec* spec) {
   if (!options.region.has_value()) return;
@@ -136,13 +154,46 @@ void AddSamplingOptions(CommandLine& command_line, SamplingOptions* options) {
                               "Scattering events after the first surface, at most (default 8)");
 }
 
+std::optional<ExitCode> CheckCombinations(const JobOptions& options, const std::string& command,
+                                          const Environment& environment) {
+  const auto report = [&](const char* message) { return ReportUsage(environment, command, message); };
+  if (options.sampling.target_metric != kMse255 && options.sampling.target_metric != kRelMse)
+    return report("--target-metric must be mse255 or relmse");
+  if (options.sampling.target_metric != kMse255 && options.sampling.target_error == 0)
+    return report("--target-metric requires --target-error");
+  if (const absl::Status limits = AdaptiveOf(options).status(); !limits.ok())
+    return ReportUsage(environment, command, std::string(limits.message()));
+  if (options.view.pixel_filter_width > kMaxPixelFilterWidth)
+    return ReportUsage(environment, command,
+                       absl::StrCat("--pixel-filter-width: at most ", kMaxPixelFilterWidth));
+  if (options.view.region.has_value() && (options.view.region->x1 > options.view.size.width ||
+                                          options.view.region->y1 > options.view.size.height))
+    return ReportUsage(environment, command,
+                       absl::StrCat("--region: not within the frame of ", options.view.size.width, "x",
+                                    options.view.size.height));
+  if ((options.lens.f_stop > 0) != (options.lens.focus_metres > 0))
+    return report("--f-stop and --focus must be given together");
+  if (!HasEnvironment(options.environment) &&
+      (options.environment.rotate_degrees != 0 || options.environment.scale != 1))
+    return report("--env-rotate and --env-scale require --env");
+  if (options.planning.mode != "auto" && options.planning.mode != "full") {
+    return ReportUsage(environment, command,
+                       absl::StrCat("--plan: expected 'auto' or 'full'; got '", options.planning.mode, "'"));
+  }
+  if (const absl::Status forced = decisions::ParseForced(options.planning.forced).status(); !forced.ok())
+    return ReportUsage(environment, command, absl::StrCat("--force: ", std::string(forced.message())));
+  return std::nullopt;
+}
+
 }  // namespace
 
 void AddJobOptions(CommandLine& command_line, JobOptions* options) {
   command_line.AddArgument("SCENE", &options->scene, "The scene: a glTF 2.0 file, .gltf or .glb");
   command_line.AddText("--job", "FILE", &options->job_file,
                        "Options from a file of YAML or JSON, such as 'spp: 64'; those given here count more");
-  command_line.AddSize("--size", &options->view.size, "Picture size in pixels (default 1024x768)");
+  command_line.AddSize(
+      "--size", &options->view.size,
+      "Picture size in pixels (default 1024x768); W alone: as high as the camera's aspect ratio");
   command_line.AddRect("--region", &options->view.region,
                        "Render only these pixels of the frame, from X0,Y0 to before X1,Y1");
   command_line.AddChoice("--pixel-filter", "FILTER", FilterNames(), &options->view.pixel_filter,
@@ -193,35 +244,10 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
                         "Override a decision of the plan; repeatable");
 }
 
-std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::string& command,
-                                        const Environment& environment) {
-  const auto report = [&](const char* message) { return ReportUsage(environment, command, message); };
-  if (options.sampling.target_metric != kMse255 && options.sampling.target_metric != kRelMse)
-    return report("--target-metric must be mse255 or relmse");
-  if (options.sampling.target_metric != kMse255 && options.sampling.target_error == 0)
-    return report("--target-metric requires --target-error");
-  if (const absl::Status limits = AdaptiveOf(options).status(); !limits.ok())
-    return ReportUsage(environment, command, std::string(limits.message()));
-  if (options.view.pixel_filter_width > kMaxPixelFilterWidth)
-    return ReportUsage(environment, command,
-                       absl::StrCat("--pixel-filter-width: at most ", kMaxPixelFilterWidth));
-  if (options.view.region.has_value() && (options.view.region->x1 > options.view.size.width ||
-                                          options.view.region->y1 > options.view.size.height))
-    return ReportUsage(environment, command,
-                       absl::StrCat("--region: not within the frame of ", options.view.size.width, "x",
-                                    options.view.size.height));
-  if ((options.lens.f_stop > 0) != (options.lens.focus_metres > 0))
-    return report("--f-stop and --focus must be given together");
-  if (!HasEnvironment(options.environment) &&
-      (options.environment.rotate_degrees != 0 || options.environment.scale != 1))
-    return report("--env-rotate and --env-scale require --env");
-  if (options.planning.mode != "auto" && options.planning.mode != "full") {
-    return ReportUsage(environment, command,
-                       absl::StrCat("--plan: expected 'auto' or 'full'; got '", options.planning.mode, "'"));
-  }
-  if (const absl::Status forced = decisions::ParseForced(options.planning.forced).status(); !forced.ok())
-    return ReportUsage(environment, command, absl::StrCat("--force: ", std::string(forced.message())));
-  return std::nullopt;
+std::optional<ExitCode> CheckJobOptions(const std::string& command, const Environment& environment,
+                                        JobOptions* options) {
+  if (const absl::Status sized = CompleteSize(options); !sized.ok()) return ReportError(environment, sized);
+  return CheckCombinations(*options, command, environment);
 }
 
 absl::StatusOr<SceneAssets> FindJobAssets(const JobOptions& options) {

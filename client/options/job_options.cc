@@ -24,6 +24,10 @@ constexpr char kMse255[] = "mse255";
 constexpr char kRelMse[] = "relmse";
 constexpr int kMaxMb = 1 << 20;  // a coordinator takes no larger asset
 
+/// Values of --background and --ground.
+constexpr char kTransparent[] = "transparent";
+constexpr char kShadow[] = "shadow";
+
 /// Value of --env for no environment. Neither it nor kStudioUri is a file: a file of that name has a folder
 /// before it ("./none").
 constexpr char kNoEnvironment[] = "none";
@@ -154,6 +158,14 @@ void AddSamplingOptions(CommandLine& command_line, SamplingOptions* options) {
                               "Scattering events after the first surface, at most (default 8)");
 }
 
+void AddBackdropOptions(CommandLine& command_line, BackdropOptions* options) {
+  command_line.AddChoice("--background", "WHICH", {"environment", kTransparent}, &options->background,
+                         "What is seen behind the scene: environment (default), or transparent, with A");
+  command_line.AddChoice("--ground", "WHICH", {"none", kShadow}, &options->ground,
+                         "Below the scene: none (default), or shadow: a plane of which A has the shadow; "
+                         "implies --background transparent");
+}
+
 std::optional<ExitCode> CheckCombinations(const JobOptions& options, const std::string& command,
                                           const Environment& environment) {
   const auto report = [&](const char* message) { return ReportUsage(environment, command, message); };
@@ -222,6 +234,7 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
       "Rotation of it about the vertical in degrees, counter-clockwise from above (default 0)");
   command_line.AddPositiveNumber("--env-scale", &options->environment.scale,
                                  "Factor on its radiance (default 1)");
+  AddBackdropOptions(command_line, &options->backdrop);
   command_line.AddPositiveNumber(
       "--f-stop", &options->lens.f_stop,
       "Depth of field: focal length / aperture diameter (default: pinhole camera)");
@@ -307,6 +320,10 @@ v1::JobSpec MakeJobSpec(const JobOptions& options) {
     spec.mutable_environment()->set_rotate_degrees(options.environment.rotate_degrees);
     spec.mutable_environment()->set_scale(options.environment.scale);
   }
+  const bool has_ground = options.backdrop.ground == kShadow;
+  if (has_ground) spec.set_ground(v1::GROUND_SHADOW);
+  if (has_ground || options.backdrop.background == kTransparent)
+    spec.set_background(v1::BACKGROUND_TRANSPARENT);
   if (options.lens.f_stop > 0) {
     spec.mutable_lens()->set_f_stop(options.lens.f_stop);
     spec.mutable_lens()->set_focus_metres(options.lens.focus_metres);

@@ -65,6 +65,12 @@ struct SceneFileOptions {
   int max_job_mb = 65536;
 };
 
+/// What is behind and below the scene.
+struct BackdropOptions {
+  std::string background = "environment";  // or "transparent"
+  std::string ground = "none";             // or "shadow"
+};
+
 /// What the result has besides the picture.
 struct ResultOptions {
   bool save_film = false;
@@ -84,6 +90,7 @@ struct JobOptions {
   SamplingOptions sampling;
   std::string method = "default";
   EnvironmentMapOptions environment;
+  BackdropOptions backdrop;
   LensOptions lens;
   SceneFileOptions files;
   ResultOptions result;

@@ -82,6 +82,7 @@ render::RenderSettings SettingsOf(const v1::JobSpec& spec) {
     settings.frame = {spec.crop().frame_width(), spec.crop().frame_height(), spec.crop().x(),
                       spec.crop().y()};
   if (spec.has_pixel_filter()) settings.pixel_filter = PixelFilterOf(spec.pixel_filter());
+  settings.is_transparent = spec.background() == v1::BACKGROUND_TRANSPARENT;
   settings.lens = {spec.lens().f_stop(), spec.lens().focus_metres()};
   return settings;
 }
@@ -109,6 +110,7 @@ absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchA
   options.time_seconds = SecondsOf(spec, frame);
   options.animation = spec.animation();
   options.variant = spec.variant();
+  options.catches_shadows = spec.background() == v1::BACKGROUND_TRANSPARENT;
   options.pool = pool;
   options.decode = [decoded](std::string_view bytes, int64_t max_pixels) {
     return decoded->Texture(bytes, max_pixels);
@@ -117,6 +119,7 @@ absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchA
   if (!scene.ok()) return scene.status();
   file->clear();
   file->shrink_to_fit();
+  if (spec.ground() == v1::GROUND_SHADOW) scene::AddShadowGround(&*scene);
   JobScene job;
   job.scene = std::make_shared<scene::Scene>(*std::move(scene));
   job.settings = SettingsOf(spec);

@@ -74,6 +74,19 @@ TEST_F(RunClientTest, SendsTheHeightOfTheCamera) {
   EXPECT_EQ(Run({"submit", folder_.File("none.glb"), "--size", "512"}), 4);
 }
 
+TEST_F(RunClientTest, SendsBackgroundAndGround) {
+  EXPECT_EQ(Run({"submit", scene_, "--ground", "shadow"}), 0);
+  EXPECT_EQ(Run({"submit", scene_, "--background", "transparent"}), 0);
+  EXPECT_EQ(Run({"submit", scene_, "--background", "environment", "--ground", "none"}), 0);
+  const auto spec = [&](size_t i) { return farm_.submissions()[i].spec(); };
+  EXPECT_EQ(spec(0).ground(), v1::GROUND_SHADOW);
+  EXPECT_EQ(spec(0).background(), v1::BACKGROUND_TRANSPARENT);
+  EXPECT_EQ(spec(1).ground(), v1::GROUND_NONE);
+  EXPECT_EQ(spec(1).background(), v1::BACKGROUND_TRANSPARENT);
+  EXPECT_EQ(spec(2).background(), v1::BACKGROUND_ENVIRONMENT);
+  EXPECT_EQ(Run({"submit", scene_, "--background", "green"}), 2);
+}
+
 TEST_F(RunClientTest, SendsTheFramesAndTheirSpeed) {
   EXPECT_EQ(Run({"submit", scene_, "--frames", "3-5", "--fps", "12.5"}), 0);
   EXPECT_EQ(Run({"submit", scene_}), 0);

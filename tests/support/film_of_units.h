@@ -38,12 +38,11 @@ inline absl::StatusOr<EdgedImage> WholeFilm(const v1::JobSpec& spec, int32_t fra
 
 /// RandomUnits of a job.
 inline UnitsOfFunction RandomUnitsOf(const v1::JobSpec& spec, uint32_t seed) {
-  film::UnitModel model;
-  model.has_matte = film::ModelOf(spec).has_matte;
-  return UnitsOfFunction([units = job::FrameUnits(spec), model, seed](const job::UnitKey& key) {
-    return absl::StatusOr<EdgedImage>(
-        RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), seed, model));
-  });
+  return UnitsOfFunction(
+      [units = job::FrameUnits(spec), model = FullModelOf(spec), seed](const job::UnitKey& key) {
+        return absl::StatusOr<EdgedImage>(
+            RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), seed, model));
+      });
 }
 
 }  // namespace lumifold

@@ -73,6 +73,13 @@ inline std::optional<layers::Level> LevelOfTile(int32_t tile) {
                        : layers::Level{layers::Branch::kTransmission, 2};
 }
 
+/// The model of a full plan for a job.
+inline film::UnitModel FullModelOf(const v1::JobSpec& spec) {
+  film::UnitModel model;
+  model.has_matte = spec.background() == v1::BACKGROUND_TRANSPARENT;
+  return model;
+}
+
 /// What a worker might deliver for a unit: made-up pixels that depend on (seed, unit) alone, with the counts
 /// a pass of `samples` has. Some tiles carry a level; those of more than one row and column have edges, and
 /// every other one of these has fragments.

@@ -245,6 +245,7 @@ TEST(PointedAnimations, MoveAndHideNodes) {
   EXPECT_EQ(OriginAt(1, moved), (Vec3{2, 0, 0}));
   GltfFixture hidden = PointedScalar("/nodes/0/extensions/KHR_node_visibility/visible", {1, 0});
   hidden.json["animations"][0]["samplers"][0]["interpolation"] = "STEP";
+  hidden.json["animations"][0]["samplers"][0]["output"] = hidden.AddBytes({1, 0}, "SCALAR", false);
   hidden.json["nodes"][0]["translation"] = {7, 0, 0};
   EXPECT_EQ(OriginAt(1, hidden), (Vec3{7, 0, 0}));
   EXPECT_EQ(At(2, hidden).instances.size(), 0u);

@@ -98,10 +98,8 @@ EdgedImage BuildResult(EdgedImage film, std::array<Plane, 3> filtered, const Res
   LayeredImage result(film.pixels.width(), film.pixels.height());
   const auto beauty = layers::ColorChannels(layers::kBeauty);
   for (size_t c = 0; c < beauty.size(); ++c) result.Add(beauty[c], std::move(filtered[c]));
-  if (info.spec.background() == v1::BACKGROUND_TRANSPARENT) {
-    const Plane alpha = AlphaOf(film, info.spec.filter().method() != kNoFilter);
-    CopyPlane(alpha.view(), film.pixels.Get(layers::kAlpha));
-  }
+  const bool is_transparent = info.spec.background() == v1::BACKGROUND_TRANSPARENT;
+  const Plane alpha = is_transparent ? AlphaOf(film, info.spec.filter().method() != kNoFilter) : Plane();
   MoveChannel(layers::kAlpha, &film.pixels, &result);
   for (const std::string_view layer :
        {layers::kNoisy, layers::kDirect, layers::kIndirect, layers::kAlbedo, layers::kEmission}) {
@@ -112,7 +110,8 @@ EdgedImage BuildResult(EdgedImage film, std::array<Plane, 3> filtered, const Res
                                       layers::kPlanarDepth, layers::kDistance, layers::kObjectId}) {
     MoveChannel(name, &film.pixels, &result);
   }
-  AddCryptomatte(info.facts.objects(), film.edges, &result);
+  AddCryptomatte(info.facts.objects(), film.edges, &result);  // by the coverage of the geometry
+  if (is_transparent) CopyPlane(alpha.view(), result.Get(layers::kAlpha));
   if (info.spec.save_film()) {
     for (LayeredImage::Channel& channel : film.pixels.channels()) {
       if (!result.Has(channel.name) && channel.name != layers::kShadow)

@@ -57,7 +57,7 @@ std::optional<ExitCode> ParseSubmit(const std::vector<std::string>& arguments, c
   command_line.SetFooter(
       "--download, --preview and --hook imply --wait. Ctrl-C then ends this command, not the job.");
   if (const auto ended = command_line.Parse(arguments, environment)) return ended;
-  if (const auto ended = CheckJobOptions(options->job, kCommand, environment)) return ended;
+  if (const auto ended = CheckJobOptions(kCommand, environment, &options->job)) return ended;
   if (const auto ended = CheckPreview(options->preview, kCommand, environment)) return ended;
   if (options->picture.output.empty() && options->picture.noisy.empty()) return std::nullopt;
   return options->picture.Check(options->job.view.frames, kCommand, environment);

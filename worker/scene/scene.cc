@@ -124,6 +124,24 @@ Bounds WorldBounds(const Scene& scene) {
   return world;
 }
 
+void AddShadowGround(Scene* scene) {
+  const Bounds bounds = WorldBounds(*scene);
+  if (bounds.IsEmpty()) return;
+  const Vec3 extent = bounds.max - bounds.min;
+  const float size = std::max(Length(extent), 1e-3f);
+  constexpr float kWide = 20;      // of that size
+  constexpr float kBelow = 1e-5f;  // so that faces on the ground are in front of it
+  const Vec3 middle = (bounds.min + bounds.max) * 0.5f;
+  const float y = bounds.min.y - kBelow * size;
+  const float half = kWide * size;
+  Mesh ground;
+  for (const auto& [x, z] : {std::pair{-half, half}, {half, half}, {half, -half}, {-half, -half}})
+    ground.positions.push_back({middle.x + x, y, middle.z + z});
+  ground.triangles = {0, 1, 2, 0, 2, 3};
+  scene->catchers.push_back({static_cast<int>(scene->meshes.size()), {}, "ground"});
+  scene->meshes.push_back(std::move(ground));
+}
+
 absl::StatusOr<Camera> FindCamera(const Scene& scene, const std::string& name, float aspect) {
   if (name.empty()) return scene.cameras.empty() ? FittedCamera(scene, aspect) : scene.cameras.front();
   std::vector<std::string> names;

@@ -16,11 +16,23 @@ namespace lumifold::scene {
 /// The index of no object.
 inline constexpr int kNone = -1;
 
-/// A decoded picture: 8-bit RGBA as in the file, rows from the top (v = 0 is the first row, as in glTF).
+/// A decoded picture: RGBA as in the file, rows from the top (v = 0 is the first row, as in glTF).
 struct ImageData {
   int width = 0;
   int height = 0;
   std::vector<uint8_t> rgba;
+  std::vector<uint16_t> rgba16 = {};  // in its place, of a picture with 16 bits a channel
+
+  bool is_deep() const { return !rgba16.empty(); }
+  size_t bytes() const { return rgba.size() + rgba16.size() * sizeof(uint16_t); }
+  /// The one of the two that has codes of this type.
+  template <typename Code>
+  const std::vector<Code>& codes() const {
+    if constexpr (sizeof(Code) == 1)
+      return rgba;
+    else
+      return rgba16;
+  }
 };
 /// Scenes that show the same picture share it.
 using SharedImage = std::shared_ptr<const ImageData>;
@@ -175,6 +187,7 @@ struct Scene {
   std::array<double, 3> origin = {};
   std::vector<Mesh> meshes;
   std::vector<Instance> instances;
+  std::vector<Instance> catchers;  // seen by the camera alone, and only the shadows on them
   std::vector<Material> materials;
   std::vector<Texture> textures;
   std::vector<SharedImage> images;
@@ -198,6 +211,10 @@ struct Bounds {
 
 /// A box around all instances in world space: the union of the transformed boxes of their meshes.
 Bounds WorldBounds(const Scene& scene);
+
+/// Adds a catcher of shadows: a level square just below the instances, wide enough for long shadows. A scene
+/// without instances gets none.
+void AddShadowGround(Scene* scene);
 
 /// The camera of this name or number; the first one if `name` is empty. A scene without cameras gets a
 /// camera that views all of it from three quarters and slightly above, as large as a frame of this aspect

@@ -162,5 +162,32 @@ TEST(Renderer, APartOfAFrameHasTheBitsOfItsPixels) {
   }
 }
 
+/// Clear glass that does not bend light, and takes half of the red on each metre.
+scene::Material RedAbsorber() {
+  scene::Material material;
+  material.ior = 1;
+  material.base.roughness = 0;
+  material.base.metallic = 0;
+  material.transmission.factor = 1;
+  material.volume = {.is_solid = true, .attenuation_color = {0.5f, 1, 1}, .attenuation_distance = 1};
+  return material;
+}
+
+TEST(Renderer, ACameraInsideASolidIsReachedThroughIt) {
+  scene::Scene room;
+  room.materials = {RedAbsorber(), testing::Emitter({2, 2, 2}), testing::Lambert({0.5f, 0.5f, 0.5f})};
+  testing::Place(&room, testing::SphereMesh(1, 24, 0));
+  testing::PlaceBoxInside(&room, 3, {1, 1, 1, 1, 1, 1});
+  room.cameras = {testing::LookAt({0, 0, 0}, {0, 0.2f, -1}, 0.5f)};
+  const auto inside = RenderAll(*MakeRenderer(room, SettingsOf(4, 4)), 4, 4, 4);
+  EXPECT_NEAR(MeanOf(inside, layers::kNoisy, 0), 1, 0.01);
+  EXPECT_NEAR(MeanOf(inside, layers::kNoisy, 1), 2, 0.01);
+  // A sheet behind the camera's back is no solid, however its sides lie.
+  scene::Scene sheet = room;
+  sheet.meshes[0] = testing::QuadMesh({-1, -1, -1}, {0, 2, 0}, {2, 0, 0}, 0);
+  const auto open = RenderAll(*MakeRenderer(sheet, SettingsOf(4, 4)), 4, 4, 4);
+  EXPECT_NEAR(MeanOf(open, layers::kNoisy, 0), 2, 0.01);
+}
+
 }  // namespace
 }  // namespace lumifold::render

@@ -142,15 +142,15 @@ absl::Status JobQueries::AddListed(const ledger::JobPage& page, const v1::ListJo
   return absl::OkStatus();
 }
 
-absl::StatusOr<v1::Plan> JobQueries::PlanOf(const JobId& job) {
+absl::StatusOr<v1::JobSpec> JobQueries::SpecOf(const JobId& job) {
   {
     FarmState::View farm(state_);
     if (const ActiveJob* const active = farm->jobs.FindActive(job); active != nullptr)
-      return active->record.spec.plan();
+      return active->record.spec;
   }
   const absl::StatusOr<ledger::JobRecord> record = resources_->store->GetJob(job);
   if (!record.ok()) return record.status();
-  return record->spec.plan();
+  return record->spec;
 }
 
 absl::StatusOr<v1::ExplainJobResponse> JobQueries::ExplainJob(const std::string& job_id) {
@@ -159,9 +159,12 @@ absl::StatusOr<v1::ExplainJobResponse> JobQueries::ExplainJob(const std::string&
   if (!status.ok()) return status.status();
   v1::ExplainJobResponse response;
   *response.mutable_status() = *status;
-  const absl::StatusOr<v1::Plan> plan = PlanOf(job);
-  if (!plan.ok()) return plan.status();
-  if (plan->decisions_size() > 0) *response.mutable_plan() = *plan;
+  absl::StatusOr<v1::JobSpec> spec = SpecOf(job);
+  if (!spec.ok()) return spec.status();
+  if (spec->plan().decisions_size() > 0) *response.mutable_plan() = spec->plan();
+  spec->clear_plan();
+  spec->mutable_scene()->clear_dependencies();
+  *response.mutable_spec() = *std::move(spec);
   if (status->state() == v1::JOB_STATE_FAILED) AddReason("failed", status->error(), &response);
   if (status->state() == v1::JOB_STATE_CANCELLED) AddReason("cancelled", "the job was cancelled", &response);
   if (status->frames_skipped() > 0) {

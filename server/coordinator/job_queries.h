@@ -41,7 +41,7 @@ class JobQueries final : public JobApi {
   absl::Status AddListed(const ledger::JobPage& page, const v1::ListJobsRequest& request,
                          v1::ListJobsResponse* response);
   /// The job's plan; without decisions if it has none. Errors: those of the ledger.
-  absl::StatusOr<v1::Plan> PlanOf(const job::JobId& job);
+  absl::StatusOr<v1::JobSpec> SpecOf(const job::JobId& job);
   /// Whether the frame's result is written. Errors: kNotFound; those of the ledger.
   absl::StatusOr<bool> IsFinished(const job::JobId& job, int32_t frame);
 

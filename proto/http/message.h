@@ -38,9 +38,9 @@ struct Response {
   std::string body = {};
   Headers headers = {};
   /// If set, produces the body in place of `body`: pieces until nullopt, the end; an empty piece sends
-  /// nothing. An error closes the connection, so that the caller sees that its answer is not complete. Called
-  /// by a thread of the handlers, `pause` after the piece before was sent. It is destroyed when the connection
-  /// ends.
+  /// nothing. An error closes the connection, so that the caller sees that its answer is not complete.
+  /// Called by a thread of the handlers, `pause` after the piece before was sent. It is destroyed when the
+  /// connection ends.
   std::function<absl::StatusOr<std::optional<std::string>>()> stream = nullptr;
   /// Bytes of all pieces, where that is known; the answer then states its length. With fewer or more the
   /// connection is closed.

@@ -11,8 +11,8 @@ namespace lumifold::page {
 
 class FarmCalls;
 
-/// The file of a frame, from the start or from the byte of a header Range on. `calls` must outlive the answer.
-/// Errors: those of DownloadResult.
+/// The file of a frame, from the start or from the byte of a header Range on. `calls` must outlive the
+/// answer. Errors: those of DownloadResult.
 absl::StatusOr<http::Response> AnswerResult(const FarmCalls& calls, const v1::PageSession& session,
                                             const http::Request& request);
 

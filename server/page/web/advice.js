@@ -4,7 +4,8 @@ import {hasEnded, mayRetry, stateOf} from "/words.js";
 
 /** What somebody can do about a reason of ExplainJob, by its code. */
 const ADVICE = {
-  no_worker: "Start a worker: lumifold-worker --server HOST:PORT. If the job asks for tags or a class, the worker needs them.",
+  no_worker: "Start a worker: lumifold-worker --server HOST:PORT. If the job asks for tags or a class, the"
+    + " worker needs them.",
   memory: "Start a worker on a machine with more memory, or make the textures smaller.",
   worker_unavailable: "Look at the workers above: readmit those that are blocked, or start another one.",
   slots_busy: "It waits for its turn. A higher priority gives it a larger share.",
@@ -30,7 +31,8 @@ export function noticeOf(job, frame, reasons) {
   const lines = reasons.map((reason) => reason.text);
   if (state === "failed") return failure(job);
   if (state === "cancelled") {
-    return {title: "Cancelled", lines: [], advice: "What was rendered is kept until the job is deleted: Retry goes on."};
+    const advice = "What was rendered is kept until the job is deleted: Retry goes on.";
+    return {title: "Cancelled", lines: [], advice};
   }
   if (isSkipped(job, frame)) {
     return {title: `Frame ${frame} is skipped`, lines: ["It could not be rendered, and the others went on."],
@@ -41,7 +43,8 @@ export function noticeOf(job, frame, reasons) {
   if (state === "paused") return {title: "Paused", lines: [], advice: ADVICE.paused};
   const stands = reasons.some((reason) => !WELL.has(reason.code));
   if (stands && !job.workers) return {title: "Waiting", lines, advice};
-  if (state === "running" || state === "filtering") {
+  if (state === "filtering") return {title: "Filtering the picture", lines, advice: ""};
+  if (state === "running") {
     return {title: "Rendering: the first tiles come soon", lines, advice: ""};
   }
   return {title: "Waiting to begin", lines, advice};
@@ -51,14 +54,17 @@ function failure(job) {
   let advice;
   const frame = job.scheduling?.gaps?.failed_frame;
   if (!mayRetry(job)) {
-    advice = "Nothing was rendered: the scene or its settings are at fault, and another try would end the same way."
-      + " Mend what is named here, and submit it again.";
+    advice = "Nothing was rendered: the scene or its settings are at fault, and another try would end the same"
+      + " way. Mend what is named here, and submit it again.";
   } else if (frame !== undefined && job.frames_total > 1) {
-    advice = `Frame ${frame} failed. Retry renders it again, Skip goes on without it; what is rendered is kept.`;
+    advice = `Frame ${frame} failed. Retry renders it again, Skip goes on without it; what is`
+      + " rendered is kept.";
   } else {
-    advice = "What is rendered is kept. Retry renders the rest again; if it fails again, the log says on which worker.";
+    advice = "What is rendered is kept. Retry renders the rest again; if it fails again, the log says on"
+      + " which worker.";
   }
-  return {title: "Failed", lines: [job.error || "The coordinator has no reason recorded."], advice, isBad: true};
+  const lines = [job.error || "The coordinator has no reason recorded."];
+  return {title: "Failed", lines, advice, isBad: true};
 }
 
 function isSkipped(job, frame) {
@@ -66,9 +72,13 @@ function isSkipped(job, frame) {
     .some(({first, count}) => frame >= first && frame < first + count);
 }
 
-/** What stands there without any job. */
-export function emptyNotice(workers, isFiltered) {
-  if (isFiltered) return {title: "Choose a job to see its picture", lines: [], advice: ""};
+/** What stands there without a job, or where the `chosen` one is unknown. */
+export function emptyNotice(workers, hasJobs, chosen) {
+  if (hasJobs && chosen) {
+    const lines = ["It was deleted, or is older than those that are listed."];
+    return {title: "This job is not in the list", lines, advice: ""};
+  }
+  if (hasJobs) return {title: "Choose a job to see its picture", lines: [], advice: ""};
   const lines = ["Submit a scene and its picture grows here:"];
   const commands = ["lumifold submit scene.glb --size 1280x720 --spp 256"];
   if (!workers) commands.unshift("lumifold-worker --server HOST:PORT");

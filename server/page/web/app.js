@@ -15,7 +15,8 @@ import {TimeLeft, hasEnded, isDone, progressOf, stateOf} from "/words.js";
 const $ = (id) => document.getElementById(id);
 const EXPLAIN_MS = 3000;
 const state = {
-  user: null, jobs: new Map(), ids: [], more: false, workers: [], server: null, job: null, frame: 0, reasons: [],
+  user: null, jobs: new Map(), ids: [], more: false, workers: [], server: null, job: null, frame: 0,
+  reasons: [], // of the job
   opened: false, // the job was opened by the page itself
 };
 const left = new Map();
@@ -88,9 +89,8 @@ function openNewest() {
 
 function showEmpty() {
   const isKnown = state.server !== null || state.user?.job;
-  const text = state.job && state.ids.length ? {title: "This job is not in the list", lines: ["It was deleted, or is older than those that are listed."], advice: ""}
-    : emptyNotice(state.workers.length, state.ids.length > 0);
-  showNotice($("no-job"), isKnown && !state.jobs.has(state.job) ? text : null);
+  const notice = emptyNotice(state.workers.length, state.ids.length > 0, state.job);
+  showNotice($("no-job"), isKnown && !state.jobs.has(state.job) ? notice : null);
 }
 
 function showFarm() {
@@ -147,7 +147,8 @@ function showJob() {
   showFacts(elements, job, seconds);
   list.renew(job, seconds);
   const actions = may("submit") ? actionsOf(job) : [];
-  fillActions($("job-actions"), job.job_id, actions.map((action) => [action[0], () => buttonOf(job, action)]));
+  const buttons = actions.map((action) => [action[0], () => buttonOf(job, action)]);
+  fillActions($("job-actions"), job.job_id, buttons);
   fillActions($("save"), `${job.job_id} ${state.frame}`, saveActions(job));
   showReason(job, actions);
   strip.fill(job.frames_done);
@@ -165,12 +166,14 @@ function saveActions(job) {
   if (viewer.isFinished) {
     actions.push(button("EXR", "The file of this frame, with all its layers", () => saveResult(job, frame)));
     actions.push(button("PNG", "The picture as it is shown, at full resolution", async (element) => {
-      await savePng(job, frame, viewer, (part) => (element.textContent = `PNG ${Math.round(100 * part)} %`));
+      const tell = (part) => (element.textContent = `PNG ${Math.round(100 * part)} %`);
+      await savePng(job, frame, viewer, tell);
       element.textContent = "PNG";
     }));
   }
   if (job.frames_total > 1 && job.frames_done > 0) {
-    actions.push(button("All frames", "The files of all finished frames, as a ZIP archive", () => saveAllFrames(job)));
+    const title = "The files of all finished frames, as a ZIP archive";
+    actions.push(button("All frames", title, () => saveAllFrames(job)));
   }
   actions.push(button("Copy link", "A link to this job for others, which changes nothing", copyLink));
   return actions;
@@ -196,8 +199,8 @@ function showReason(job, actions) {
   const has = viewer.size !== null;
   const urgent = ["failed", "paused"].includes(stateOf(job));
   const notice = !has || urgent ? noticeOf(job, state.frame, state.reasons) : null;
-  const names = ["Retry", "Skip", "Resume"];
-  const offered = actions.filter(([text]) => names.includes(text)).map((action) => [action[0], buttonOf(job, action)]);
+  const offered = actions.filter(([text]) => ["Retry", "Skip", "Resume"].includes(text))
+    .map((action) => [action[0], buttonOf(job, action)]);
   showNotice($("notice"), has ? null : notice, offered);
   showNotice($("banner"), has ? notice : null);
 }
@@ -265,7 +268,7 @@ function followPicture() {
       showJob();
     }, (error) => {
       if (error.status === 400) chooseLayer(viewer.layers.indexOf(layer), "");
-      else if (error.status !== 409) say(error.message); // 409: the job has ended without it, as the notice says
+      else if (error.status !== 409) say(error.message); // 409: it ended without it, as the notice says
     });
   }
 }

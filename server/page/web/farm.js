@@ -63,7 +63,8 @@ export function problemsOf(server, workers, jobs) {
   for (const job of failed.slice(0, MOST_FAILURES)) {
     problems.push([`${nameOf(job)} failed: ${job.error}`, job.job_id]);
   }
-  if (failed.length > MOST_FAILURES) problems.push([`${failed.length - MOST_FAILURES} more jobs have failed.`]);
+  const others = failed.length - MOST_FAILURES;
+  if (others > 0) problems.push([`${others} more ${others === 1 ? "job has" : "jobs have"} failed.`]);
   return problems;
 }
 
@@ -71,7 +72,8 @@ export function problemsOf(server, workers, jobs) {
 export function farmLine(server, workers) {
   if (!server) return "";
   const count = `${workers.length} ${workers.length === 1 ? "worker" : "workers"}`;
-  return `${count} · ${server.leases} of ${server.slots} slots busy`;
+  // Workers have further leases in hand.
+  return `${count} · ${Math.min(server.leases, server.slots)} of ${server.slots} slots busy`;
 }
 
 /** Terms and their values for the description list of the farm. */

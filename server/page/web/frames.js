@@ -10,6 +10,7 @@ const MOST = 240;
 /** Previews that are kept, so that frames play without being fetched again. */
 const MOST_PICTURES = 64;
 const FRAME_MS = 1000 / 12;
+const REFILL_MS = 1000;
 
 export function framesOf(job) {
   const frames = [];
@@ -80,6 +81,11 @@ export class Strip {
       }
     } finally {
       this.filling = false;
+    }
+    // Frames that were finished meanwhile, whether or not the job changes again.
+    const finished = [...this.thumbs.values()].filter((thumb) => thumb.finished).length;
+    if (finished < Math.min(framesDone, this.frames.length)) {
+      setTimeout(() => this.job === job && this.fill(framesDone), REFILL_MS);
     }
   }
 

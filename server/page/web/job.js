@@ -70,8 +70,9 @@ export function showFacts(elements, job, left) {
   if (job.frames_waiting) facts.push(`${job.frames_waiting} waiting for it`);
   if (job.workers) facts.push(`${job.workers} ${job.workers === 1 ? "worker" : "workers"}`);
   if (job.estimated_error !== undefined) facts.push(`error ${Number(job.estimated_error).toPrecision(3)}`);
-  if (!hasEnded(job) && left !== null) facts.push(`${duration(left)} left`);
-  if (secondsOf(job) > 0) facts.push(hasEnded(job) ? `took ${duration(secondsOf(job))}` : `for ${duration(secondsOf(job))}`);
+  if (state === "running" && left !== null) facts.push(`${duration(left)} left`);
+  const took = secondsOf(job);
+  if (took > 0) facts.push(`${hasEnded(job) ? "took" : "for"} ${duration(took)}`);
   facts.push(`submitted ${timeOf(job.submitted_unix_ms)}`);
   elements.progress.hidden = hasEnded(job);
   elements.facts.textContent = facts.join(" · ");
@@ -131,17 +132,20 @@ export function showReasons(list, reasons) {
 const pairs = (facts) =>
   facts.flatMap(([term, value]) => [make("dt", {text: term}), make("dd", {text: String(value)})]);
 
+const cropText = ({x, y, frame_width: width, frame_height: height}) => `at ${x}, ${y} of ${width} × ${height}`;
+
 /** Terms and values of what was submitted. */
 function settingsOf(spec, scheduling) {
   const settings = [
     ["Scene", spec.scene?.display_name], ["Size", `${spec.width} × ${spec.height}`],
     ["Samples", spec.adaptive ? `adaptive, at most ${spec.samples_per_pixel}` : spec.samples_per_pixel],
     ["Method", spec.filter?.method || "default"], ["Camera", spec.camera || "the scene's first"],
-    ["Bounces", spec.max_bounces], ["Seed", spec.seed], ["Tiles", spec.tile_size ? `${spec.tile_size} pixels` : ""],
+    ["Bounces", spec.max_bounces], ["Seed", spec.seed],
+    ["Tiles", spec.tile_size ? `${spec.tile_size} pixels` : ""],
     ["Environment", spec.environment?.uri?.replace(/^environment:/, "")],
     ["Lens", spec.lens && `f/${spec.lens.f_stop}, focus at ${spec.lens.focus_metres} m`],
-    ["Frames a second", spec.frames_per_second || ""], ["Variant", spec.variant], ["Animation", spec.animation],
-    ["Crop", spec.crop && `at ${spec.crop.x}, ${spec.crop.y} of ${spec.crop.frame_width} × ${spec.crop.frame_height}`],
+    ["Frames a second", spec.frames_per_second || ""], ["Variant", spec.variant],
+    ["Animation", spec.animation], ["Crop", spec.crop && cropText(spec.crop)],
     ["Film kept", spec.save_film ? "yes" : ""], ["Cryptomatte", spec.cryptomatte ? "yes" : ""],
     ["Priority", scheduling?.priority || ""], ["Tags", (scheduling?.tags ?? []).join(", ")],
     ["Most leases", scheduling?.max_leases || ""], ["After", (scheduling?.after ?? []).join(", ")],

@@ -40,7 +40,7 @@ class JobEntry {
     this.state.textContent = state === "running" ? `${percent} %` : state;
     this.state.className = `state ${state.split(" ")[0]}`;
     this.bar.style.width = `${percent}%`;
-    this.progress.hidden = hasEnded(job);
+    this.progress.hidden = hasEnded(job) || percent === 0;
     const seconds = secondsOf(job);
     const parts = [userOf(job), timeOf(job.submitted_unix_ms)];
     if (state === "running" && left !== null) parts.push(`${duration(left)} left`);

@@ -20,8 +20,8 @@ export function gridOf(width, height) {
 
 /**
  * The parts of a frame to fetch for what the screen shows of it, [x0, y0, x1, y1], as names "x0,y0,x1,y1",
- * the middle first: of a finished frame those of its grid, which stay; of one that grows what is shown, if that
- * is small enough. Empty: the preview of the whole frame has to do.
+ * the middle first: of a finished frame those of its grid, which stay; of one that grows what is shown, if
+ * that is small enough. Empty: the preview of the whole frame has to do.
  */
 export function piecesOf({width, height}, seen, isFinished) {
   const [x0, y0, x1, y1] = seen;

@@ -59,5 +59,6 @@ export async function linkTo(job, frame, user) {
     : (await call("CreatePageLink", {job_id: job.job_id, hours: LINK_HOURS})).session;
   const fragment = new URLSearchParams({session, job: job.job_id, frame});
   const time = user.read_only ? "" : ` Valid for ${LINK_HOURS} hours.`;
-  return {url: `${location.origin}/#${fragment}`, note: `Whoever has this link sees this job, and changes nothing.${time}`};
+  const note = `Whoever has this link sees this job, and changes nothing.${time}`;
+  return {url: `${location.origin}/#${fragment}`, note};
 }

@@ -8,8 +8,8 @@ const MOST_ZOOM = 64;
 const PIECES_PAUSE_MS = 300;
 
 /**
- * Draws previews by layer on a canvas, as the view {layers, exposure, transform, previews} shows them: A up to
- * the column `middle`, B from there on. Returns what their colours mean.
+ * Draws previews by layer on a canvas, as the view {layers, exposure, transform, previews} shows them: A up
+ * to the column `middle`, B from there on. Returns what their colours mean.
  */
 export function drawBeside(canvas, previews, view, middle) {
   const {layers, exposure, transform} = view;
@@ -188,7 +188,8 @@ export class Viewer {
     this.canvas.classList.toggle("pixels", this.zoom >= 2);
     for (const {canvas, x0, y0} of this.pieces.values()) {
       const scale = this.zoom / this.size.reduction;
-      canvas.style.transform = `translate(${this.x + x0 * scale}px, ${this.y + y0 * scale}px) scale(${scale})`;
+      const [x, y] = [this.x + x0 * scale, this.y + y0 * scale];
+      canvas.style.transform = `translate(${x}px, ${y}px) scale(${scale})`;
       canvas.classList.toggle("pixels", scale >= 2);
     }
     this.lookCloser();

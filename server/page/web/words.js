@@ -68,7 +68,8 @@ export function passes(job, filter) {
   if (filter.state === "done" && !isDone(job)) return false;
   if (["failed", "cancelled"].includes(filter.state) && state !== filter.state) return false;
   const text = filter.text.trim().toLowerCase();
-  return !text || [job.display_name, job.job_id, userOf(job)].some((each) => each?.toLowerCase().includes(text));
+  const texts = [job.display_name, job.job_id, userOf(job)];
+  return !text || texts.some((each) => each?.toLowerCase().includes(text));
 }
 
 export function userOf(job) {

@@ -1,4 +1,7 @@
-"""Makes a wheel of the package (PEP 427): make_wheel.py FOLDER VERSION OUT. The same sources make the same bytes."""
+"""Makes a wheel of the package (PEP 427): make_wheel.py FOLDER VERSION OUT.
+
+The same sources make the same bytes.
+"""
 
 import base64
 import hashlib

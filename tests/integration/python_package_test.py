@@ -19,8 +19,8 @@ from farm import Farm, make_scene, wait_until
 
 try:
     import lumifold
-except ImportError as error:  # deploy/setup.sh --tests installs what it needs
-    raise unittest.SkipTest(str(error)) from error
+except ImportError:  # deploy/setup.sh --tests installs what it needs
+    lumifold = None
 
 SMALL = {"size": (48, 32), "samples": 2, "max_bounces": 2}
 LONG = {"size": (640, 480), "samples": 4096}
@@ -40,6 +40,7 @@ def split_scene(glb, folder):
     return path
 
 
+@unittest.skipIf(lumifold is None, "python3-grpcio, python3-protobuf or python3-xxhash is not installed")
 class Case(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -181,6 +182,7 @@ class SecureTest(Case):
             lumifold.Farm(server.address, profile="nobody")
 
 
+@unittest.skipIf(lumifold is None, "python3-grpcio, python3-protobuf or python3-xxhash is not installed")
 class WheelTest(unittest.TestCase):
     def test_it_is_complete_and_the_same_each_time(self):
         package = pathlib.Path(lumifold.__file__).parent

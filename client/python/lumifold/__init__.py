@@ -19,6 +19,6 @@ from lumifold.status import Event, Reason, Status, Worker
 
 __all__ = [
     "AuthenticationError", "Event", "Farm", "FarmError", "InvalidRequest", "Job", "JobCancelled", "JobFailed",
-    "NotAllowed", "NotFound", "NotReady", "Preview", "Reason", "SceneError", "Status", "TimedOut", "Unreachable",
-    "Worker"
+    "NotAllowed", "NotFound", "NotReady", "Preview", "Reason", "SceneError", "Status", "TimedOut",
+    "Unreachable", "Worker"
 ]

@@ -15,8 +15,8 @@ Answer = TypeVar("Answer")
 _CALL_SECONDS = 30.0
 _PAUSES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 _MESSAGE_BYTES = 4 << 20
-_OPTIONS = [("grpc.max_receive_message_length", _MESSAGE_BYTES), ("grpc.max_send_message_length", _MESSAGE_BYTES),
-            ("grpc.keepalive_time_ms", 30000)]
+_OPTIONS = [("grpc.max_receive_message_length", _MESSAGE_BYTES),
+            ("grpc.max_send_message_length", _MESSAGE_BYTES), ("grpc.keepalive_time_ms", 30000)]
 
 
 def check_plain(servers: list[str]) -> None:
@@ -28,8 +28,8 @@ def check_plain(servers: list[str]) -> None:
         except ValueError:
             is_loopback = host == "localhost"
         if not is_loopback:
-            raise InvalidRequest(f"{server}: there is no profile for this farm, and plain text off this machine needs"
-                                 " insecure=True: log in with 'lumifold login', or give token and ca")
+            raise InvalidRequest(f"{server}: there is no profile for this farm, and plain text off this"
+                                 " machine needs insecure=True: log in with 'lumifold login', or give token and ca")
 
 
 class Connection:

@@ -24,15 +24,16 @@ Frames = Union[int, range, Sequence[int]]
 
 
 class Farm:
-    """`address`: "host:7700", or several of one farm with commas between them; by default $LUMIFOLD_SERVER, else
-    that of the profile, else this machine. `profile`: one of `lumifold login`; by default that of the address.
-    Without a profile `token` and `ca` (a file of PEM certificates) say how one gets in. Plain text off this machine
-    needs `insecure`. `patience`: seconds for which calls wait for a farm that is away.
+    """`address`: "host:7700", or several of one farm with commas between them; by default $LUMIFOLD_SERVER,
+    else that of the profile, else this machine. `profile`: one of `lumifold login`; by default that of the
+    address. Without a profile `token` and `ca` (a file of PEM certificates) say how one gets in. Plain text
+    off this machine needs `insecure`. `patience`: seconds for which calls wait for a farm that is away.
 
     A farm may be used by several threads, and as a context manager."""
 
-    def __init__(self, address: Optional[str] = None, *, profile: Optional[str] = None, token: Optional[str] = None,
-                 ca: Optional[Path] = None, insecure: bool = False, patience: float = 30.0):
+    def __init__(self, address: Optional[str] = None, *, profile: Optional[str] = None,
+                 token: Optional[str] = None, ca: Optional[Path] = None, insecure: bool = False,
+                 patience: float = 30.0):
         address = address or os.environ.get("LUMIFOLD_SERVER") or ""
         servers = [each.strip() for each in address.split(",") if each.strip()]
         credentials: Optional[grpc.ChannelCredentials] = None
@@ -56,19 +57,21 @@ class Farm:
     def close(self) -> None:
         self._connection.close()
 
-    def render(self, path: Path, *, size: tuple[int, int] = (1024, 768), samples: int = 64, frames: Frames = 0,
-               camera: str = "", method: str = "default", environment: Optional[Path] = None, max_bounces: int = 8,
-               seed: int = 0, frames_per_second: float = 0.0, save_film: bool = False, name: str = "",
-               user: Optional[str] = None, priority: int = 0, tags: Sequence[str] = (), after: Sequence[Job] = (),
-               paused: bool = False, spec: Optional[job_pb2.JobSpec] = None,
+    def render(self, path: Path, *, size: tuple[int, int] = (1024, 768), samples: int = 64,
+               frames: Frames = 0, camera: str = "", method: str = "default",
+               environment: Optional[Path] = None, max_bounces: int = 8, seed: int = 0,
+               frames_per_second: float = 0.0, save_film: bool = False, name: str = "",
+               user: Optional[str] = None, priority: int = 0, tags: Sequence[str] = (),
+               after: Sequence[Job] = (), paused: bool = False, spec: Optional[job_pb2.JobSpec] = None,
                uploaded: Optional[Callable[[int, int], None]] = None) -> Job:
-        """Submits a scene, a .gltf or .glb file, and returns its job. Files that the farm lacks are uploaded with
-        those that the scene names; `uploaded` is called with bytes that were sent and bytes in all. `frames`: a
-        number, a range or a list. `environment`: a picture, or "studio". `spec`: further fields of JobSpec, which
-        count more."""
+        """Submits a scene, a .gltf or .glb file, and returns its job. Files that the farm lacks are uploaded,
+        with those that the scene names; `uploaded` is called with bytes that were sent and bytes in all.
+        `frames`: a number, a range or a list. `environment`: a picture, or "studio". `spec`: further fields
+        of JobSpec, which count more."""
         assets = scene.assets_of(path)
-        job = job_pb2.JobSpec(width=size[0], height=size[1], samples_per_pixel=samples, camera=camera, seed=seed,
-                              max_bounces=max_bounces, frames_per_second=frames_per_second, save_film=save_film)
+        job = job_pb2.JobSpec(width=size[0], height=size[1], samples_per_pixel=samples, camera=camera,
+                              seed=seed, max_bounces=max_bounces, frames_per_second=frames_per_second,
+                              save_film=save_film)
         job.filter.method = method
         _set_frames(job, frames)
         job.scene.file.CopyFrom(assets[0].ref)

@@ -56,7 +56,8 @@ class Job:
                 self._connection.use_next()
                 time.sleep(pause)
 
-    def wait(self, progress: Optional[Callable[[Status], None]] = None, timeout: Optional[float] = None) -> Status:
+    def wait(self, progress: Optional[Callable[[Status], None]] = None,
+             timeout: Optional[float] = None) -> Status:
         """Waits until the job is done. `progress` is called with each status, `timeout` is in seconds.
         Raises JobFailed, JobCancelled and TimedOut."""
         end = None if timeout is None else time.monotonic() + timeout
@@ -83,30 +84,32 @@ class Job:
                 time.sleep(min(0.5, max(0.0, end - time.monotonic())))
 
     def save(self, path: Path, frame: Optional[int] = None) -> pathlib.Path:
-        """Writes the OpenEXR file of a frame, by default of the first one. "#" in the name stand for digits of
-        its number. Returns the file's path. Raises NotReady while the frame is not finished."""
+        """Writes the OpenEXR file of a frame, by default of the first one. "#" in the name stand for digits
+        of its number. Returns the file's path. Raises NotReady while the frame is not finished."""
         target = pathlib.Path(path)
         if target.suffix.lower() != ".exr":
-            raise InvalidRequest(f"{target}: results are OpenEXR files, name it .exr ('lumifold convert' makes others)")
+            raise InvalidRequest(f"{target}: results are OpenEXR files, name it .exr; 'lumifold convert'"
+                                 " makes others")
         number = self.status().frames()[0] if frame is None else frame
         name = re.sub("#+", lambda digits: str(number).zfill(len(digits[0])), target.name)
         files.download(self._connection, self.id, number, target.with_name(name))
         return target.with_name(name)
 
     def save_all(self, path: Path) -> list[pathlib.Path]:
-        """Writes the files of all frames; "####" in the name stands for the number. Frames that the job skips have
-        none."""
+        """Writes the files of all frames; "####" in the name stands for the number. Frames that the job skips
+        have none."""
         status = self.status()
-        skipped = {each.first + i for each in status.message.scheduling.gaps.skipped for i in range(each.count)}
+        gaps = status.message.scheduling.gaps.skipped
+        skipped = {each.first + i for each in gaps for i in range(each.count)}
         frames = [frame for frame in status.frames() if frame not in skipped]
         if len(frames) > 1 and "#" not in pathlib.Path(path).name:
-            raise InvalidRequest(f"{path}: the name of several frames needs '####' for their numbers")
+            raise InvalidRequest(f"{path}: several frames need '####' for their numbers in it")
         return [self.save(path, frame) for frame in frames]
 
-    def preview(self, layer: str = "", frame: Optional[int] = None, newer_than: Optional[Preview] = None
-                ) -> Optional[Preview]:
-        """A small picture of what is rendered so far; waits up to 5 s for one that has more units. None: there is
-        nothing newer."""
+    def preview(self, layer: str = "", frame: Optional[int] = None,
+                newer_than: Optional[Preview] = None) -> Optional[Preview]:
+        """A small picture of what is rendered so far; waits up to 5 s for one that has more units. None:
+        there is nothing newer."""
         number = self.status().frames()[0] if frame is None else frame
         request = farm_pb2.GetPreviewRequest(job_id=self.id, frame=number, layer=layer,
                                              newer_than_units=newer_than.units if newer_than else 0)
@@ -137,14 +140,17 @@ class Job:
         return self._change("ResumeJob", farm_pb2.ResumeJobRequest(job_id=self.id))
 
     def set_priority(self, priority: int) -> Status:
-        return self._change("SetJobPriority", farm_pb2.SetJobPriorityRequest(job_id=self.id, priority=priority))
+        request = farm_pb2.SetJobPriorityRequest(job_id=self.id, priority=priority)
+        return self._change("SetJobPriority", request)
 
     def move_to_front(self) -> Status:
-        return self._change("SetJobPriority", farm_pb2.SetJobPriorityRequest(job_id=self.id, to_front=True))
+        request = farm_pb2.SetJobPriorityRequest(job_id=self.id, to_front=True)
+        return self._change("SetJobPriority", request)
 
     def add_samples(self, samples: int) -> Status:
         """Gives the job this many samples per pixel in all."""
-        return self._change("AddSamples", farm_pb2.AddSamplesRequest(job_id=self.id, samples_per_pixel=samples))
+        request = farm_pb2.AddSamplesRequest(job_id=self.id, samples_per_pixel=samples)
+        return self._change("AddSamples", request)
 
     def retry(self, frames: Sequence[int] = (), skip: bool = False) -> Status:
         """Renders what failed or is named again; with `skip` goes on without it."""

@@ -31,11 +31,13 @@ def preview_of(message: farm_pb2.Preview) -> Preview:
     for name, encoding in zip(layout.channels, encodings):
         if encoding == image_pb2.PLANE_ENCODING_ZSTD:
             raise FarmError(f"the channel {name} is compressed, which previews of this package cannot read")
-        kind, values = {image_pb2.PLANE_ENCODING_FLOAT: ("f", count), image_pb2.PLANE_ENCODING_CONSTANT: ("f", 1),
-                        image_pb2.PLANE_ENCODING_HALF: ("e", count)}[encoding]
+        kind, values = {
+            image_pb2.PLANE_ENCODING_FLOAT: ("f", count), image_pb2.PLANE_ENCODING_CONSTANT: ("f", 1),
+            image_pb2.PLANE_ENCODING_HALF: ("e", count)
+        }[encoding]
         numbers = struct.unpack_from(f"<{values}{kind}", message.planes, at)
         at += struct.calcsize(f"<{values}{kind}")
         channels[name] = array.array("f", numbers if values == count else numbers * count)
     return Preview(width=layout.width, height=layout.height, reduction=message.reduction,
-                   samples_per_pixel=message.samples_per_pixel, is_finished=message.finished, units=message.units,
-                   layers=tuple(message.layers), channels=channels)
+                   samples_per_pixel=message.samples_per_pixel, is_finished=message.finished,
+                   units=message.units, layers=tuple(message.layers), channels=channels)

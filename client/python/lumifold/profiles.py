@@ -54,7 +54,8 @@ def choose(name: Optional[str], servers: list[str]) -> Optional[Profile]:
             raise InvalidRequest(f"there is no profile '{name}' in {root}")
         profile = Profile(root / name)
         if servers and not set(servers) & set(profile.servers):
-            raise InvalidRequest(f"the profile '{name}' is of {','.join(profile.servers)}, not of {','.join(servers)}")
+            own = ",".join(profile.servers)
+            raise InvalidRequest(f"the profile '{name}' is of {own}, not of {','.join(servers)}")
         return profile
     names = sorted(path.parent.name for path in root.glob("*/profile")) if root.is_dir() else []
     for each in sorted(names, key=lambda one: one != DEFAULT):

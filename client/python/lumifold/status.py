@@ -87,8 +87,8 @@ def status_of(message: job_pb2.JobStatus) -> Status:
     return Status(
         id=message.job_id, name=message.display_name or message.job_id, state=state, error=message.error,
         progress=1.0 if state.startswith("done") else min(1.0, progress), samples_done=message.samples_done,
-        samples_total=message.samples_total, frames_done=message.frames_done, frames_total=message.frames_total,
-        warnings=tuple(message.warnings), message=message,
+        samples_total=message.samples_total, frames_done=message.frames_done,
+        frames_total=message.frames_total, warnings=tuple(message.warnings), message=message,
         seconds=times.render_seconds + times.assemble_seconds + times.filter_seconds + times.write_seconds)
 
 

@@ -54,8 +54,8 @@ function failure(job) {
   let advice;
   const frame = job.scheduling?.gaps?.failed_frame;
   if (!mayRetry(job)) {
-    advice = "Nothing was rendered: the scene or its settings are at fault, and another try would end the same"
-      + " way. Mend what is named here, and submit it again.";
+    advice = "Nothing was rendered: the scene or its settings are at fault, and another try would end the"
+      + " same way. Mend what is named here, and submit it again.";
   } else if (frame !== undefined && job.frames_total > 1) {
     advice = `Frame ${frame} failed. Retry renders it again, Skip goes on without it; what is`
       + " rendered is kept.";

@@ -132,7 +132,7 @@ export function showReasons(list, reasons) {
 const pairs = (facts) =>
   facts.flatMap(([term, value]) => [make("dt", {text: term}), make("dd", {text: String(value)})]);
 
-const cropText = ({x, y, frame_width: width, frame_height: height}) => `at ${x}, ${y} of ${width} × ${height}`;
+const cropText = (crop) => `at ${crop.x}, ${crop.y} of ${crop.frame_width} × ${crop.frame_height}`;
 
 /** Terms and values of what was submitted. */
 function settingsOf(spec, scheduling) {

@@ -2,12 +2,16 @@
 
 import os
 import pathlib
+import sys
 import tempfile
 import unittest
 
 import browser
 from farm import Farm, make_scene, wait_until
 from page_test import HOSTILE, LONG
+
+sys.path.append(str(pathlib.Path(__file__).parents[1] / "deploy"))
+import node_tools  # noqa: E402
 
 SCREENSHOTS = os.environ.get("LUMIFOLD_SCREENSHOTS")
 
@@ -235,6 +239,43 @@ class PageBrowserTest(unittest.TestCase):
         self.browser.wait_text("#job-state", "submitted")
         self.assertEqual(self.browser.text("#job-actions"), "")
         self.assertNotIn(other, self.browser.text("#jobs"))
+
+    def expect_accessible(self, what):
+        """axe-core finds nothing, on a desktop and on a phone, dark and light."""
+        source = (node_tools.FOLDER / "node_modules/axe-core/axe.min.js").read_text()
+        for width, height in ((1280, 800), (500, 844)):
+            self.browser.resize(width, height)
+            for theme in ("Light", "Dark"):
+                self.browser.click("#theme")
+                self.browser.wait_text("#theme", theme)
+                self.browser.run(source + """; window.found = null;
+                  axe.run(document).then((result) => (window.found = {violations: result.violations.map((one) =>
+                    [one.id, one.nodes.map((node) => node.html)])}));""")
+                found = self.browser.wait("return window.found", "axe-core", seconds=300)
+                self.assertEqual(found["violations"], [], (what, width, theme))
+        self.browser.resize(1280, 800)
+
+    @unittest.skipUnless(node_tools.is_available(), "npm is not installed (deploy/setup.sh --tests)")
+    def test_axe_core_finds_nothing(self):
+        node_tools.install()
+        self.open()
+        self.browser.wait_text("#no-job", "No jobs yet")
+        if self.browser.text("#theme") == "Light":  # what the button does; each look begins in the light
+            self.browser.click("#theme")
+        self.expect_accessible("no job")
+        self.submit("--size", "64x48", "--spp", 2, "--frames", "1-2", "--fps", 24, "--user", "ann")
+        self.browser.wait_text("#notice", "none of the 0 connected workers")
+        self.expect_accessible("a job that waits")
+        self.farm.start_worker()
+        self.browser.wait_text("#save", "PNG", seconds=120)
+        for details in ("#settings", "#explain", "#log", "#farm-more"):
+            self.browser.run("document.querySelector(arguments[0]).open = true", details)
+        self.browser.wait_text("#spec", "default")
+        self.expect_accessible("an animation, and all that can be opened")
+        job = self.submit("--size", "64x64", "--spp", 1, "--camera", "no such camera", "--user", "ben")
+        self.open(job)
+        self.browser.wait_text("#notice", "no such camera", seconds=120)
+        self.expect_accessible("a failure")
 
     def test_keys_and_small_screens(self):
         for i in range(2):

@@ -29,7 +29,8 @@ def check_plain(servers: list[str]) -> None:
             is_loopback = host == "localhost"
         if not is_loopback:
             raise InvalidRequest(f"{server}: there is no profile for this farm, and plain text off this"
-                                 " machine needs insecure=True: log in with 'lumifold login', or give token and ca")
+                                 " machine needs insecure=True: log in with 'lumifold login', or give token"
+                                 " and ca")
 
 
 class Connection:

@@ -54,7 +54,7 @@ export class Farm {
   /** Submits a scene, a .gltf or .glb file; files that the farm lacks are uploaded. See index.d.ts. */
   async render(path, {
     size = [1024, 768], samples = 64, frames = [0], camera = "", method = "default", maxBounces = 8, seed = 0,
-    framesPerSecond = 0, name = "", user = userInfo().username, priority = 0, tags = [], after = [],
+    framesPerSecond = 0, name = "", user, priority = 0, tags = [], after = [],
     paused = false, spec = {}, uploaded = () => {},
   } = {}) {
     const [file, ...others] = await assetsOf(path);
@@ -63,12 +63,20 @@ export class Farm {
     const job = {
       scene: {file: file.ref, dependencies: others.map(({ref}) => ref), display_name: basename(path)},
       camera, width: size[0], height: size[1], samples_per_pixel: samples,
-      first_frame: first.first, frame_count: first.count, more_frames: more, seed: String(seed), max_bounces: maxBounces, frames_per_second: framesPerSecond,
-      filter: {method}, ...spec,
+      first_frame: first.first, frame_count: first.count, more_frames: more, seed: String(seed),
+      max_bounces: maxBounces, frames_per_second: framesPerSecond, filter: {method}, ...spec,
     };
-    const scheduling = {name, user, priority, tags, after: after.map(({id}) => id), paused};
+    const scheduling = {
+      name, user: user ?? await this.#user(), priority, tags, after: after.map(({id}) => id), paused,
+    };
     const request = {spec: job, request_id: randomBytes(16).toString("hex"), scheduling};
     return new Job(this.transport, (await this.transport.call("SubmitJob", request)).job_id);
+  }
+
+  /** Whose a job is: the farm knows who has a token. */
+  async #user() {
+    const {user} = await this.transport.again(() => this.transport.json("GET", "/api/session"));
+    return user === "local" ? userInfo().username : user;
   }
 
   async #upload(assets, uploaded) {

@@ -14,7 +14,7 @@ const early = await job.save(`${folder}/early.exr`).catch((error) => error);
 const status = await job.wait({progress: ({state, progress}) => states.push([state, progress])});
 await job.save(`${folder}/deep/second.exr`, 2);
 await job.saveAll(`${folder}/all.zip`);
-const broken = await farm.render(scene, {...small, camera: "no such camera"});
+const broken = await farm.render(scene, {...small, user: undefined, camera: "no such camera"});
 const failure = await broken.wait().catch((error) => error);
 const paused = await farm.render(scene, {...small, paused: true, after: [job]});
 await paused.resume();

@@ -79,7 +79,8 @@ class NodePackageTest(unittest.TestCase):
         farm.enroll("node-1", "node-1")
         farm.start_worker("--profile", "node-1")
         address = farm.client("page").stdout.strip().partition("/#")[0]
-        self.expect_right(*self.run_script(farm, address, farm.token(), farm.profiles / "default" / "ca.pem"))
+        farm.join("login", farm.invite("ann"), profile="ann")
+        self.expect_right(*self.run_script(farm, address, farm.token("ann"), farm.profiles / "ann" / "ca.pem"))
 
 
 if __name__ == "__main__":

@@ -83,14 +83,14 @@ class PageBrowserTest(unittest.TestCase):
         self.shoot("waits")
         for _ in range(2):
             self.farm.start_worker()
-        self.browser.wait(f"return {BRIGHTNESS} > 0", "the first tiles")
+        self.browser.wait(f"return {BRIGHTNESS} > 0", "the first tiles", seconds=300)
         self.shoot("grows")
         first = self.browser.run(f"return {BRIGHTNESS}")
         self.browser.wait_text("#job-state", "done", seconds=300)
         wait_until(lambda: self.browser.run(f"return {BRIGHTNESS}") > first,
                    "a brighter picture: no tile is black any more",
                    seconds=60)
-        self.browser.wait("return document.querySelector('#pieces canvas')?.width === 640", "all pixels")
+        self.browser.wait("return document.querySelector('#pieces canvas')?.width === 640", "all pixels", seconds=300)
         red, green, blue = wait_until(lambda: any(colour := self.browser.run(COLOUR, 120, 240)) and colour,
                                       "its colours",
                                       seconds=60)
@@ -116,7 +116,7 @@ class PageBrowserTest(unittest.TestCase):
         self.farm.start_worker()
         self.submit("--size", "800x96", "--spp", 2, "--frames", "1-2", "--name", "a chair/2.glb")
         self.open()
-        self.browser.wait_text("#save", "PNG", seconds=120)
+        self.browser.wait_text("#save", "PNG", seconds=300)
         for button, kind, start, name in (
             ("EXR", "image/x-exr", [0x76, 0x2f, 0x31, 0x01], 'attachment; filename="a_chair_2.0001.exr"'),
             ("All frames", "application/zip", list(b"PK\3\4"), 'attachment; filename="a_chair_2.zip"'),
@@ -267,7 +267,7 @@ class PageBrowserTest(unittest.TestCase):
         self.browser.wait_text("#notice", "none of the 0 connected workers")
         self.expect_accessible("a job that waits")
         self.farm.start_worker()
-        self.browser.wait_text("#save", "PNG", seconds=120)
+        self.browser.wait_text("#save", "PNG", seconds=300)
         for details in ("#settings", "#explain", "#log", "#farm-more"):
             self.browser.run("document.querySelector(arguments[0]).open = true", details)
         self.browser.wait_text("#spec", "default")

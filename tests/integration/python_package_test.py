@@ -178,6 +178,8 @@ class SecureTest(Case):
         server.join("login", server.invite("cora"), "--certificate", profile="cora")
         with lumifold.Farm(server.address, profile="cora") as farm:
             self.assertEqual(list(farm.jobs()), [])
+            own = farm.render(self.scene, **SMALL)
+            self.assertEqual([each.id for each in farm.jobs(user="cora")], [own.id])
         with self.assertRaises(lumifold.InvalidRequest):
             lumifold.Farm(server.address, profile="nobody")
 

@@ -47,6 +47,8 @@ class Farm:
         if credentials is None and not insecure:
             check_plain(servers)
         self._connection = Connection(servers, credentials, patience)
+        # The farm knows who has credentials.
+        self._user = getpass.getuser() if credentials is None else ""
 
     def __enter__(self) -> "Farm":
         return self
@@ -86,7 +88,7 @@ class Farm:
             job.MergeFrom(spec)
         self._upload(assets, uploaded)
         scheduling = job_pb2.Scheduling(priority=priority, tags=tags, name=name, paused=paused,
-                                        user=getpass.getuser() if user is None else user,
+                                        user=self._user if user is None else user,
                                         after=[each.id for each in after])
         request = farm_pb2.SubmitJobRequest(spec=job, request_id=secrets.token_hex(16), scheduling=scheduling)
         return Job(self._connection, self._connection.call("SubmitJob", request).job_id)

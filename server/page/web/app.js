@@ -251,10 +251,13 @@ function choose(id, frame) {
   if (isNew && job) explainNow().catch(complain);
 }
 
+/** A job that has ended without a frame has none. */
+const hasPicture = (job) => Boolean(job) && (!hasEnded(job) || job.frames_done > 0);
+
 function followPicture() {
   loops.abort();
   loops = new AbortController();
-  if (!state.jobs.has(state.job)) return;
+  if (!hasPicture(state.jobs.get(state.job))) return;
   const {job, frame} = state;
   for (const layer of new Set(viewer.layers)) {
     followPreview({job, frame, layer}, loops.signal, (picture) => {

@@ -10,6 +10,7 @@
 #include "client/cli/interrupt.h"
 #include "client/cli/option_file.h"
 #include "client/commands/run_client.h"
+#include "client/local/displayed_picture.h"
 #include "client/local/film_filter.h"
 #include "client/local/in_process_farm.h"
 #include "client/local/scene_facts.h"
@@ -60,7 +61,9 @@ int main(int argc, char** argv) {
   environment.interrupted = client::Interrupted;
   environment.local.farm = lumifold::local::StartLocalFarm;
   environment.local.scene_planner = lumifold::local::PlanScene;
+  environment.local.scene_check = lumifold::local::CheckScene;
   environment.local.scene_reader = lumifold::local::ReadSceneFacts;
+  environment.local.displayed_reader = lumifold::local::ReadDisplayed;
   environment.local.film_filter = lumifold::local::FilterFilm;
   environment.local.methods = lumifold::local::DescribeMethods();
   return client::RunClient(argc, argv, environment);

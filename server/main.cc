@@ -23,6 +23,7 @@
 #include "proto/logging/log_flags.h"
 #include "proto/logging/nonblocking_log.h"
 #include "proto/rpc/version.h"
+#include "proto/service/help_style.h"
 #include "proto/service/service_manager.h"
 #include "server/access/access_control.h"
 #include "server/access/setup.h"
@@ -124,32 +125,38 @@ struct Commands {
 /// Where it keeps jobs, and where others reach it.
 void AddAddresses(CLI::App* app, Flags* flags) {
   app->add_option("--data", flags->data_dir,
-                  "Folder for ledger, assets, film and results; created if missing");
+                  "Folder for ledger, assets, film and results; created if missing")
+      ->type_name("DIR");
   app->add_option("--store", flags->store,
                   "Ledger: sqlite (in the data folder) or postgresql://USER@HOST/DATABASE")
+      ->type_name("STORE")
       ->envname(lumifold::ledger::kStoreVariable)
       ->capture_default_str();
-  app->add_option("--listen", flags->listen, "HOST:PORT to listen on; port 0: a free port")
+  app->add_option("--listen", flags->listen, "Where to listen; port 0: a free port")
+      ->type_name("HOST:PORT")
       ->capture_default_str();
-  app->add_option(
-      "--advertise", flags->farm.advertise,
-      "HOST:PORT where others reach this coordinator, of several over one PostgreSQL database (default: by "
-      "--listen)");
+  app->add_option("--advertise", flags->farm.advertise,
+                  "Where others reach this coordinator, of several over one PostgreSQL database (default: by "
+                  "--listen)")
+      ->type_name("HOST:PORT");
   app->add_option("--failover-seconds", flags->farm.failover_seconds,
                   "Time without a sign of life after which another coordinator takes the jobs of this one")
       ->check(CLI::Range(0.5, 3600.0))
       ->capture_default_str();
   app->add_option(
-      "--metrics-address", flags->metrics_address,
-      "Show metrics for Prometheus at http://HOST:PORT/metrics, to anyone who reaches it; PORT alone: "
-      "on loopback (default: off)");
+         "--metrics-address", flags->metrics_address,
+         "Show metrics for Prometheus at http://HOST:PORT/metrics, to anyone who reaches it; PORT alone: "
+         "on loopback (default: off)")
+      ->type_name("HOST:PORT");
   app->add_option("--page-address", flags->page.address,
                   "Show the status page at HOST:PORT, to those who have a link of 'lumifold page'; port 0: a "
                   "free port; off: nowhere")
+      ->type_name("HOST:PORT")
       ->capture_default_str();
-  app->add_option(
-      "--page-certificate", flags->page.certificate,
-      "PEM file with key and certificates of the status page off loopback (default: the coordinator's own)");
+  app->add_option("--page-certificate", flags->page.certificate,
+                  "PEM file with key and certificates of the status page off loopback (default: the "
+                  "coordinator's own)")
+      ->type_name("FILE");
   app->add_flag("--insecure", flags->insecure,
                 "Allow listening off loopback without encryption, where 'init' has not been run");
   app->add_option("--certificate-hours", flags->certificate_hours,
@@ -163,10 +170,11 @@ void AddFilterFlags(CLI::App* app, FilterFlags* flags) {
                   "Threads of the filter, of all its processes together (default: one for each core)")
       ->check(CLI::Range(1, 1024));
   app->add_option("--finish-processes", flags->processes,
-                  "Frames that are finished at a time, each in a process; auto: as cores and memory allow")
+                  "Frames that are finished at a time, each in a process; auto: as cores and memory allow "
+                  "(default auto)")
       ->transform(CLI::Transformer(std::map<std::string, std::string>{{"auto", "0"}}))
       ->check(CLI::Range(0, 1024))
-      ->option_text("N|auto [auto]");
+      ->option_text("N|auto");
   app->add_option("--filter-memory-mb", flags->memory_mb,
                   "Limit of the address space of a filter process in MiB; 0: none")
       ->capture_default_str();
@@ -206,7 +214,8 @@ void AddFlags(CLI::App* app, Flags* flags) {
       ->capture_default_str();
   AddDiskFlags(app, &flags->disk);
   lumifold::logging::AddLogFlags(app, &flags->log);
-  app->set_version_flag("--version", "lumifold-server " + std::string(lumifold::rpc::kVersion));
+  app->set_version_flag("--version", "lumifold-server " + std::string(lumifold::rpc::kVersion),
+                        "Print the version and exit");
 }
 
 /// What callers may take.
@@ -239,22 +248,28 @@ void AddCommands(CLI::App* app, Flags* flags, Commands* commands) {
   commands->recover =
       app->add_subcommand(lumifold::server::kRecoverCommand,
                           "Rebuilds a lost or malformed ledger from the files of the data folder, then ends");
-  commands->recover->add_option("--data", flags->data_dir, "The data folder")->required();
+  commands->recover->add_option("--data", flags->data_dir, "The data folder")->type_name("DIR")->required();
   commands->init = app->add_subcommand(
       "init",
       "Makes certificates and the first codes, so that others can connect; prints what to type, then ends");
-  commands->init->add_option(
-      "--name", commands->set_up.names,
-      "A host name or IP address by which others reach it (default: this machine's name); may be repeated");
+  commands->init
+      ->add_option(
+          "--name", commands->set_up.names,
+          "A host name or IP address by which others reach it (default: this machine's name); may be "
+          "repeated")
+      ->type_name("NAME");
   commands->invite_admin = app->add_subcommand(
       "invite-admin", "Prints a code for 'lumifold login' as an administrator, then ends");
   commands->invite_admin->add_option("--name", commands->set_up.admin, "The administrator's name")
+      ->type_name("NAME")
       ->capture_default_str();
   commands->health = app->add_subcommand(
       "health", "Asks a coordinator's health service, as probes of containers do; exit code 0 if it serves");
-  commands->health->add_option("--data", flags->data_dir,
-                               "Its data folder, for the certificate of its authority");
-  commands->health->add_option("--server", commands->probe.server, "The coordinator, HOST:PORT")
+  commands->health
+      ->add_option("--data", flags->data_dir, "Its data folder, for the certificate of its authority")
+      ->type_name("DIR");
+  commands->health->add_option("--server", commands->probe.server, "The coordinator")
+      ->type_name("HOST:PORT")
       ->capture_default_str();
   commands->health->add_flag("--answers", commands->probe.answers,
                              "Exit code 0 also if it answers but does not serve, as while its disk is full");
@@ -262,8 +277,8 @@ void AddCommands(CLI::App* app, Flags* flags, Commands* commands) {
       ->check(CLI::Range(0.1, 3600.0))
       ->capture_default_str();
   for (CLI::App* command : {commands->init, commands->invite_admin}) {
-    command->add_option("--data", flags->data_dir, "The data folder")->required();
-    command->add_option("--store", commands->set_up.store, "As without a command");
+    command->add_option("--data", flags->data_dir, "The data folder")->type_name("DIR")->required();
+    command->add_option("--store", commands->set_up.store, "As without a command")->type_name("STORE");
   }
 }
 
@@ -445,11 +460,15 @@ int main(int argc, char** argv) {
       "Lumifold's coordinator: accepts jobs, leases units to workers, commits units, assembles and filters "
       "frames, serves results.",
       "lumifold-server");
+  lumifold::service::SetHelpStyle(&app);
   Flags flags;
   AddFlags(&app, &flags);
   AddLimits(&app, &flags.limits);
   Commands commands;
   AddCommands(&app, &flags, &commands);
+  app.footer(
+      "Example: lumifold-server --data farm --listen 0.0.0.0:7700\n"
+      "Off loopback it needs 'lumifold-server init --data farm' before, or --insecure.");
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {

@@ -37,6 +37,7 @@
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/version.h"
 #include "proto/sandbox/sandbox.h"
+#include "proto/service/help_style.h"
 #include "proto/service/service_manager.h"
 #include "proto/threads/event.h"
 #include "spdlog/spdlog.h"
@@ -162,11 +163,12 @@ void AddTimeFlags(CLI::App* app, TimeFlags* flags) {
 }
 
 void AddFlags(CLI::App* app, Flags* flags) {
-  app->add_option(
-      "--server", flags->server,
-      "Coordinator, HOST:PORT, or those of one farm: A:7700,B:7700 (default: that of the profile, "
-      "else 127.0.0.1:7700)");
-  app->add_option("--profile", flags->profile, "A profile of 'enroll' (default: the coordinator's)");
+  app->add_option("--server", flags->server,
+                  "The coordinator, or those of one farm: A:7700,B:7700 (default: that of the profile, "
+                  "else 127.0.0.1:7700)")
+      ->type_name("HOST:PORT,...");
+  app->add_option("--profile", flags->profile, "A profile of 'enroll' (default: the coordinator's)")
+      ->type_name("NAME");
   app->add_flag("--insecure", flags->insecure, "Allow a coordinator of another machine without encryption");
   app->add_option("--threads", flags->threads,
                   "Number of units rendered at the same time (default: one for each core)")
@@ -183,34 +185,42 @@ void AddFlags(CLI::App* app, Flags* flags) {
          "for whom other workers may wait")
       ->check(CLI::Range(0, 19))
       ->capture_default_str();
-  app->add_option("--name", flags->name, "Name in the coordinator's log (default: HOST:PID)");
+  app->add_option("--name", flags->name, "Name in the coordinator's log (default: HOST:PID)")
+      ->type_name("NAME");
   app->add_option("--tags", flags->tags, "What the machine has or may be used for: gpu,night")
+      ->type_name("TAG,...")
       ->delimiter(',');
   AddTimeFlags(app, &flags->times);
   app->add_option("--asset-cache", flags->asset_cache.folder,
-                  "Folder of this machine where files of scenes are kept for other workers and later ones");
+                  "Folder of this machine where files of scenes are kept for other workers and later ones")
+      ->type_name("DIR");
   app->add_option("--asset-cache-gb", flags->asset_cache.gb,
                   "Size at which the least recently used of them go")
       ->check(CLI::Range(1, 1 << 20))
       ->capture_default_str();
   app->add_option(
-      "--metrics-address", flags->metrics_address,
-      "Show metrics for Prometheus at http://HOST:PORT/metrics, to anyone who reaches it; PORT alone: "
-      "on loopback (default: off)");
+         "--metrics-address", flags->metrics_address,
+         "Show metrics for Prometheus at http://HOST:PORT/metrics, to anyone who reaches it; PORT alone: "
+         "on loopback (default: off)")
+      ->type_name("HOST:PORT");
   app->add_option("--memory-mb", flags->sandbox.memory_mb,
                   "Limit of the address space in MiB; 0: none (default: the machine's memory and a reserve)");
   app->add_option("--user", flags->sandbox.user,
                   "User to become when started as root; root: stay. With a profile: always its owner")
+      ->type_name("USER")
       ->capture_default_str();
   app->add_flag("--no-sandbox", flags->sandbox.off,
                 "For debugging: no limits, all files, all system calls, and root stays root");
   lumifold::logging::AddLogFlags(app, &flags->log);
   app->footer(
+      "Example: lumifold-worker --server render-1:7700 --threads 8\n"
       "Exit codes: 0 it has left, 1 failed, 2 wrong command line, 3 the coordinator does not admit it:\n"
       "its certificate was revoked, has expired or is not known, 4 it reached no coordinator within\n"
       "--exit-when-idle, 130 it was told to leave and then got SIGINT.");
-  app->set_version_flag("--version", absl::StrCat("lumifold-worker ", std::string(lumifold::rpc::kVersion),
-                                                  " (numeric class ", lumifold::render::NumericClass(), ")"));
+  app->set_version_flag("--version",
+                        absl::StrCat("lumifold-worker ", std::string(lumifold::rpc::kVersion),
+                                     " (numeric class ", lumifold::render::NumericClass(), ")"),
+                        "Print the version and exit");
 }
 
 /// Files and sockets of gRPC and the log; a coordinator and its names need a few dozen.
@@ -508,15 +518,17 @@ int main(int argc, char** argv) {
       "leave; "
       "a SIGINT after that ends it at once.",
       "lumifold-worker");
+  lumifold::service::SetHelpStyle(&app);
   Flags flags;
   AddFlags(&app, &flags);
   CLI::App* enroll =
       app.add_subcommand("enroll", "Gets a certificate from a coordinator with a code, then ends");
-  enroll->add_option("SERVER", flags.server, "HOST:PORT of the coordinator")->required();
+  enroll->add_option("SERVER", flags.server, "The coordinator, HOST:PORT")->required();
   enroll->add_option(
       "CODE", flags.code,
       "From 'lumifold invite --worker'; without it, or with '-', it is read from standard input");
-  enroll->add_option("--profile", flags.profile, "Where to keep key and certificate (default: default)");
+  enroll->add_option("--profile", flags.profile, "Where to keep key and certificate (default: default)")
+      ->type_name("NAME");
   std::string problem;
   try {
     app.parse(argc, argv);

@@ -27,6 +27,7 @@
 #include "proto/logging/nonblocking_log.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/version.h"
+#include "proto/service/help_style.h"
 #include "proto/service/service_manager.h"
 #include "spdlog/spdlog.h"
 
@@ -79,12 +80,15 @@ struct Flags {
 
 void AddFarmFlags(CLI::App* app, FarmFlags* flags) {
   app->add_option(
-      "--server", flags->server,
-      "Coordinator, HOST:PORT (default: $LUMIFOLD_SERVER, else that of the profile, else 127.0.0.1:7700)");
-  app->add_option("--profile", flags->profile, "A profile of 'lumifold login'; scope read is enough");
+         "--server", flags->server,
+         "The coordinator (default: $LUMIFOLD_SERVER, else that of the profile, else 127.0.0.1:7700)")
+      ->type_name("HOST:PORT");
+  app->add_option("--profile", flags->profile, "A profile of 'lumifold login'; scope read is enough")
+      ->type_name("NAME");
   app->add_flag("--insecure", flags->insecure, "Allow a coordinator of another machine without encryption");
   app->add_option("--tags", flags->tags,
                   "Tags of the workers that are started; jobs that need others are not counted")
+      ->type_name("TAG,...")
       ->delimiter(',');
 }
 
@@ -133,33 +137,39 @@ void AddTuningFlags(CLI::App* app, Flags* flags) {
 
 void AddSlurmFlags(CLI::App* app, SlurmFlags* flags) {
   app->add_option("--farm", flags->farm, "Name of the farm, part of the names of its jobs")
+      ->type_name("NAME")
       ->capture_default_str();
   app->add_option("--script", flags->script, "The batch script, deploy/slurm/worker.sbatch")
+      ->type_name("FILE")
       ->required()
       ->check(CLI::ExistingFile);
   app->add_option("--sbatch", flags->sbatch_arguments, "An argument of sbatch; may be repeated")
+      ->type_name("ARGUMENT")
       ->allow_extra_args(false);
   app->add_option("--worker", flags->worker_arguments, "An argument of lumifold-worker; may be repeated")
+      ->type_name("ARGUMENT")
       ->allow_extra_args(false);
 }
 
 void AddFlags(CLI::App* app, Flags* flags) {
-  app->get_formatter()->column_width(34);
   AddSlurmFlags(app, &flags->slurm);
   AddFarmFlags(app, &flags->farm);
   AddLimitFlags(app, flags);
   AddTuningFlags(app, flags);
   app->add_option("--state", flags->state, "File that keeps core-hours and failures over restarts")
+      ->type_name("FILE")
       ->required();
   app->add_flag("--once", flags->once, "Look, decide and act once, and print the decision");
   app->add_flag("--dry-run", flags->dry_run, "Start and release nothing: print what would be done");
   app->add_flag("--json", flags->json, "Print each decision as JSON, one object a line");
   lumifold::logging::AddLogFlags(app, &flags->log);
   app->footer(
+      "Example: lumifold-autoscale --script worker.sbatch --state scale.state --max 20\n"
       "Exit codes: 0 ok (SIGINT and SIGTERM end it; workers stay), 1 failed, 2 wrong command line,\n"
       "3 coordinator not reachable (with --once; else it goes on trying).");
   app->set_version_flag("--version",
-                        absl::StrCat("lumifold-autoscale ", std::string(lumifold::rpc::kVersion)));
+                        absl::StrCat("lumifold-autoscale ", std::string(lumifold::rpc::kVersion)),
+                        "Print the version and exit");
 }
 
 bool IsName(const std::string& text) {
@@ -274,6 +284,7 @@ int main(int argc, char** argv) {
   CLI::App app(
       "Asks Slurm for as many workers as a coordinator's queue needs, within limits, and lets idle ones go.",
       "lumifold-autoscale");
+  lumifold::service::SetHelpStyle(&app);
   Flags flags;
   AddFlags(&app, &flags);
   std::string problem;

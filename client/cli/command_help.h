@@ -18,9 +18,18 @@ struct OptionHelp {
   bool is_required = false;
   /// Each use adds a value.
   bool is_repeatable = false;
+  /// Words that the value may be, which completion offers.
+  std::vector<std::string> choices;
 
   bool is_argument() const { return names.empty(); }
   bool is_flag() const { return value_name.empty(); }
+};
+
+/// How the help of a command begins, and a use of it that the help shows.
+struct CommandWords {
+  std::string name;
+  std::string summary;
+  std::string example;  // after "lumifold"
 };
 
 /// What the help of a command says. Completion and man pages are made from it.

@@ -65,10 +65,12 @@ std::string FirstLine(const std::string& text) { return text.substr(0, text.find
 // All use of CLI11; its exceptions are caught in Parse.
 class CommandLine::Parser {
  public:
-  Parser(const std::string& command, const std::string& summary) : app_(summary, "lumifold " + command) {
+  explicit Parser(const CommandWords& words)
+      : app_(words.summary, "lumifold " + words.name),
+        example_(words.example.empty() ? "" : absl::StrCat("Example: lumifold ", words.example, "\n")) {
     app_.get_formatter()->column_width(kHelpColumn);
     app_.get_formatter()->label("REQUIRED", "(required)");
-    app_.footer(kExitCodesHelp);
+    SetFooter("");
     app_.set_help_flag("-h,--help", "Print this and exit");
     app_.allow_extras();  // so that Parse can name them with a suggestion
   }
@@ -98,6 +100,14 @@ class CommandLine::Parser {
 
   CLI::App& app() { return app_; }
 
+  void Offer(const std::string& name, std::function<std::vector<std::string>()> words) {
+    offers_[app_.get_option(name)] = std::move(words);
+  }
+
+  void SetFooter(const std::string& text) {
+    app_.footer(absl::StrCat(example_, text, text.empty() ? "" : "\n", kExitCodesHelp));
+  }
+
   CommandHelp Description() const {
     CommandHelp command = {.name = app_.get_name().substr(app_.get_name().rfind(' ') + 1),
                            .summary = app_.get_description(),
@@ -111,6 +121,7 @@ class CommandLine::Parser {
       help.help = option->get_description();
       help.is_required = option->get_required();
       help.is_repeatable = IsRepeatable(*option);
+      if (const auto offer = offers_.find(option); offer != offers_.end()) help.choices = offer->second();
     }
     return command;
   }
@@ -254,12 +265,13 @@ class CommandLine::Parser {
   }
 
   CLI::App app_;
+  const std::string example_;
+  std::map<const CLI::Option*, std::function<std::vector<std::string>()>> offers_;
   std::map<const CLI::Option*, std::string> arguments_of_files_;
   std::map<const CLI::Option*, std::string> places_;  // FILE:LINE of the options that come from files
 };
 
-CommandLine::CommandLine(const std::string& command, const std::string& summary)
-    : parser_(std::make_unique<Parser>(command, summary)) {}
+CommandLine::CommandLine(const CommandWords& words) : parser_(std::make_unique<Parser>(words)) {}
 
 CommandLine::~CommandLine() = default;
 
@@ -405,6 +417,7 @@ void CommandLine::AddChoice(const std::string& names, const std::string& value_n
                         Suggestion(text, words));
   };
   parser_->Add(names, value_name, read, help);
+  Offer(names.substr(names.rfind(',') + 1), [words] { return words; });
 }
 
 void CommandLine::AddFrames(const std::string& names, Frames* value, const std::string& help) {
@@ -427,11 +440,13 @@ void CommandLine::AddAddresses(const std::string& names, std::string* value, con
   parser_->Add(names, "HOST:PORT,...", read, help);
 }
 
+void CommandLine::Offer(const std::string& name, std::function<std::vector<std::string>()> words) {
+  parser_->Offer(name, std::move(words));
+}
+
 void CommandLine::AddCheck(std::function<absl::Status()> check) { checks_.push_back(std::move(check)); }
 
-void CommandLine::SetFooter(const std::string& text) {
-  parser_->app().footer(absl::StrCat(text, "\n", kExitCodesHelp));
-}
+void CommandLine::SetFooter(const std::string& text) { parser_->SetFooter(text); }
 
 absl::StatusOr<std::vector<std::string>> CommandLine::Complete(const std::vector<std::string>& arguments,
                                                                const Environment& environment) {

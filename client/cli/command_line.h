@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "client/cli/command_help.h"
 #include "client/cli/environment.h"
 #include "client/cli/frame_range.h"
 #include "client/cli/option_file.h"
@@ -19,8 +20,7 @@ namespace lumifold::client {
 /// hold the defaults before. `names` has the form shown by help: "-o,--output".
 class CommandLine {
  public:
-  /// `command` as in "lumifold COMMAND"; `summary` is the first line of its help.
-  CommandLine(const std::string& command, const std::string& summary);
+  explicit CommandLine(const CommandWords& words);
   ~CommandLine();
 
   CommandLine(const CommandLine&) = delete;
@@ -66,6 +66,9 @@ class CommandLine {
 
   /// HOST:PORT of a coordinator, or a list of those of a farm: see rpc::ParseEndpoints.
   void AddAddresses(const std::string& names, std::string* value, const std::string& help);
+
+  /// Completion offers these words for an option: "--view".
+  void Offer(const std::string& name, std::function<std::vector<std::string>()> words);
 
   /// `check` is called when all arguments are valid. Its error ends the command.
   void AddCheck(std::function<absl::Status()> check);

@@ -1,6 +1,7 @@
 #include "client/cli/completion_script.h"
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 
 namespace lumifold::client {
@@ -11,17 +12,61 @@ std::string Quoted(const std::string& text) {
   return absl::StrCat("'", absl::StrReplaceAll(text, {{"'", "'\\''"}, {"\n", " "}}), "'");
 }
 
-/// The names of a command's options: all, or those whose value is a file (`files`) or something else.
-std::string OptionNames(const CommandHelp& command, bool with_value, bool files) {
-  std::string names;
+/// What prints the words that a value may be, as a shell command; empty: they are not known.
+std::string SourceOf(const OptionHelp& option) {
+  if (!option.choices.empty()) return absl::StrCat("echo ", absl::StrJoin(option.choices, " "));
+  if (option.value_name.starts_with("JOB"))
+    return "lumifold list --limit 50 2>/dev/null | sed 1d | cut -d\" \" -f1; echo last";
+  if (option.value_name == "WORKER") return "lumifold workers 2>/dev/null | sed 1d | cut -d\" \" -f1";
+  return "";
+}
+
+/// What `info` prints before the numbers and names of what a value chooses in a scene; empty: nothing of it.
+std::string ChoiceInScene(const OptionHelp& option) {
+  if (option.value_name == "CAMERA") return "cameras";
+  if (option.value_name == "CLIP") return "animations";
+  return option.value_name == "VARIANT" ? "variants" : "";
+}
+
+std::string NamesOf(const OptionHelp& option, const char* separator) {
+  return absl::StrJoin(option.names, separator);
+}
+
+/// Cases of bash for the word before: options with a value.
+std::string BashValues(const CommandHelp& command) {
+  std::string cases;
   for (const OptionHelp& option : command.options) {
-    const bool is_wanted =
-        !with_value || (!option.value_name.empty() && OptionHelp::IsFile(option.value_name) == files);
-    if (!is_wanted) continue;
-    for (const std::string& name : option.names)
-      absl::StrAppend(&names, names.empty() ? "" : with_value ? "|" : " ", name);
+    if (option.is_argument() || option.is_flag()) continue;
+    const std::string source = SourceOf(option);
+    const std::string in_scene = ChoiceInScene(option);
+    absl::StrAppend(&cases, "        ", NamesOf(option, "|"), ") ");
+    if (OptionHelp::IsFile(option.value_name)) {
+      absl::StrAppend(&cases, "options= ;;\n");
+    } else if (!in_scene.empty()) {
+      absl::StrAppend(&cases, "_lumifold_of_scene ", in_scene, "; return ;;\n");
+    } else if (!source.empty()) {
+      absl::StrAppend(&cases, "_lumifold_words ", Quoted(source), "; return ;;\n");
+    } else {
+      absl::StrAppend(&cases, "return ;;\n");
+    }
   }
-  return names;
+  return cases;
+}
+
+/// What of bash offers the words of a command's first argument, where they are no files.
+std::string BashArgument(const CommandHelp& command) {
+  for (const OptionHelp& option : command.options) {
+    const std::string source = SourceOf(option);
+    if (!option.is_argument() || source.empty()) continue;
+    return absl::StrCat("      if [[ $word != -* ]]; then _lumifold_words ", Quoted(source),
+                        "; return; fi\n");
+  }
+  return "";
+}
+
+/// In fish, which reads a word in each line.
+std::string FishWords(const std::string& source) {
+  return absl::StrCat("(begin; ", source, "; end | string split \" \")");
 }
 
 /// "[text]" of zsh's _arguments.
@@ -30,10 +75,12 @@ std::string ZshText(const std::string& text) {
 }
 
 std::string ZshSpec(const OptionHelp& option, const std::string& name) {
-  const std::string value = option.value_name.empty()
-                                ? ""
-                                : absl::StrCat(":", ZshText(option.value_name), ":",
-                                               OptionHelp::IsFile(option.value_name) ? "_files" : " ");
+  const std::string source = SourceOf(option);
+  const std::string action = OptionHelp::IsFile(option.value_name) ? "_files"
+                             : source.empty()                      ? " "
+                                              : absl::StrCat(" _lumifold_words ", Quoted(source));
+  const std::string value =
+      option.is_flag() ? "" : absl::StrCat(":", ZshText(option.value_name), ":", action);
   if (option.is_argument()) return absl::StrCat(option.is_required ? "" : ":", value);
   return absl::StrCat("*", name, "[", ZshText(option.help), "]", value);
 }
@@ -45,21 +92,31 @@ std::string BashCompletion(const std::vector<CommandHelp>& commands) {
   std::string cases;
   for (const CommandHelp& command : commands) {
     absl::StrAppend(&names, names.empty() ? "" : " ", command.name);
-    absl::StrAppend(&cases, "    ", command.name,
-                    ")\n      options=", Quoted(OptionNames(command, false, false)), "\n");
-    const std::string files = OptionNames(command, true, true);
-    const std::string others = OptionNames(command, true, false);
-    if (!files.empty() || !others.empty()) {
-      absl::StrAppend(&cases, "      case $before in\n");
-      if (!files.empty()) absl::StrAppend(&cases, "        ", files, ") options= ;;\n");
-      if (!others.empty()) absl::StrAppend(&cases, "        ", others, ") return ;;\n");
-      absl::StrAppend(&cases, "      esac\n");
-    }
-    absl::StrAppend(&cases, "      ;;\n");
+    std::string options;
+    for (const OptionHelp& option : command.options)
+      absl::StrAppend(&options, options.empty() || option.is_argument() ? "" : " ", NamesOf(option, " "));
+    absl::StrAppend(&cases, "    ", command.name, ")\n      options=", Quoted(options), "\n");
+    if (const std::string values = BashValues(command); !values.empty())
+      absl::StrAppend(&cases, "      case $before in\n", values, "      esac\n");
+    absl::StrAppend(&cases, BashArgument(command), "      ;;\n");
   }
   return absl::StrCat(
       "# Completion of lumifold for bash: source it, or put it into "
       "/usr/share/bash-completion/completions/lumifold.\n"
+      "_lumifold_words() {\n"
+      "  local IFS=$'\\n'\n"
+      "  COMPREPLY=($(compgen -W \"$(eval \"$1\" | tr \" \" \"\\n\")\" -- \"$word\")) || true\n"
+      "}\n"
+      "# Names that a scene on the command line has: _lumifold_of_scene cameras\n"
+      "_lumifold_of_scene() {\n"
+      "  local scene IFS=$'\\n'\n"
+      "  for scene in \"${COMP_WORDS[@]}\"; do\n"
+      "    [[ $scene == *.gl[bt]* ]] || continue\n"
+      "    COMPREPLY=($(compgen -W \"$(lumifold info \"$scene\" 2>/dev/null | sed -n \"s/^$1 *//p\" |\n"
+      "      grep -o \"'[^']*'\" | tr -d \"'\")\" -- \"$word\")) || true\n"
+      "    return\n"
+      "  done\n"
+      "}\n"
       "_lumifold() {\n"
       "  local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]} options=\n"
       "  COMPREPLY=()\n"
@@ -98,6 +155,7 @@ std::string ZshCompletion(const std::vector<CommandHelp>& commands) {
   return absl::StrCat(
       "#compdef lumifold\n"
       "# Completion of lumifold for zsh: put it into a folder of $fpath, as _lumifold.\n"
+      "_lumifold_words() { compadd -- ${=$(eval \"$1\")} }\n"
       "local -a commands\n"
       "commands=(\n",
       list,
@@ -122,8 +180,10 @@ std::string FishCompletion(const std::vector<CommandHelp>& commands) {
     absl::StrAppend(&script, "complete -c lumifold -n __fish_use_subcommand -f -a ", command.name, " -d ",
                     Quoted(command.summary), "\n");
     for (const OptionHelp& option : command.options) {
-      if (option.is_argument()) continue;
+      const std::string source = SourceOf(option);
+      if (option.is_argument() && source.empty()) continue;
       absl::StrAppend(&script, "complete -c lumifold -n '__fish_seen_subcommand_from ", command.name, "'");
+      if (!source.empty()) absl::StrAppend(&script, " -fa ", Quoted(FishWords(source)));
       for (const std::string& name : option.names)
         absl::StrAppend(&script, name.starts_with("--") ? " -l " + name.substr(2) : " -s " + name.substr(1));
       if (!option.value_name.empty())

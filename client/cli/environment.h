@@ -59,6 +59,10 @@ struct LocalParts {
   /// Null in a build without a worker; `plan` then fails.
   ScenePlanner scene_planner = nullptr;
   SceneReader scene_reader = nullptr;
+  /// Null in a build without a worker; `submit` then leaves it to the farm.
+  SceneCheck scene_check = nullptr;
+  /// Null in a build without a worker; `filter` then reads .exr only.
+  DisplayedReader displayed_reader = nullptr;
   /// Null in a build without the filter; `filter` then fails.
   FilmFilter film_filter = nullptr;
   /// Empty in a build without the filter.

@@ -10,6 +10,7 @@
 #include "absl/status/statusor.h"
 #include "client/scene/assets.h"
 #include "filter/image/film_source.h"
+#include "filter/image/layered_image.h"
 #include "lumifold/v1/job.pb.h"
 
 namespace grpc {
@@ -45,6 +46,11 @@ using LocalFarmFactory =
 using ScenePlanner =
     std::function<absl::StatusOr<v1::Plan>(const v1::JobSpec& spec, const SceneAssets& assets)>;
 
+/// Whether a worker would take a job's scene, but for what is in its pictures; scenes of more than 1 GiB are
+/// taken.
+/// Errors: those of worker::CheckJobScene.
+using SceneCheck = std::function<absl::Status(const v1::JobSpec& spec, const SceneAssets& assets)>;
+
 /// What is in a scene's file.
 struct SceneFacts {
   std::vector<std::string> cameras;  // names, by number; so are those of the next two
@@ -64,6 +70,10 @@ struct SceneFacts {
 
 /// Reads a scene's file. Errors: those of scene::LoadGltfFile.
 using SceneReader = std::function<absl::StatusOr<SceneFacts>(const std::string& path)>;
+
+/// Reads a .png or .jpg as linear light: channels R, G and B.
+/// Errors: kNotFound for a missing file; kDataLoss for one that is no such picture.
+using DisplayedReader = std::function<absl::StatusOr<LayeredImage>(const std::string& path)>;
 
 /// Filters a film (channels of filter/image/layers.h) with `method` on `threads` threads. Passes R G B and
 /// the channels named in `passed_on` to `sink`, in bands of rows from the top down. For a film without

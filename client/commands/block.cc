@@ -6,7 +6,7 @@ namespace lumifold::client {
 ExitCode RunBlock(const std::vector<std::string>& arguments, const Environment& environment) {
   v1::WorkerRequest request;
   RemoteOptions remote(environment);
-  CommandLine command_line("block", SummaryOf("block"));
+  CommandLine command_line(WordsOf("block"));
   command_line.AddArgument("WORKER", request.mutable_worker(), kWorkerArgumentHelp);
   command_line.AddText("--reason", "TEXT", request.mutable_reason(), "Why, for 'lumifold workers'");
   remote.AddTo(command_line);

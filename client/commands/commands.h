@@ -11,9 +11,7 @@
 namespace lumifold::client {
 
 /// One subcommand. `run` takes the arguments after its name.
-struct Command {
-  std::string name;
-  std::string summary;  // one line for `lumifold --help`, and the first line of the command's own help
+struct Command : CommandWords {
   ExitCode (*run)(const std::vector<std::string>& arguments, const Environment& environment);
   /// It runs although the configuration cannot be read.
   bool is_without_configuration = false;
@@ -29,8 +27,8 @@ std::vector<CommandHelp> DescribeCommands(const Environment& environment);
 /// Errors: those of ReadOptionFile and CheckNames.
 absl::StatusOr<OptionFile> ReadConfiguration(const Environment& environment);
 
-/// The summary of a command in Commands().
-const std::string& SummaryOf(const std::string& name);
+/// The words of a command in Commands().
+const CommandWords& WordsOf(const std::string& name);
 
 // One file each: render.cc, submit.cc, ...
 ExitCode RunRender(const std::vector<std::string>& arguments, const Environment& environment);
@@ -55,6 +53,7 @@ ExitCode RunWorkers(const std::vector<std::string>& arguments, const Environment
 ExitCode RunDrain(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunBlock(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunReadmit(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunUsage(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunServerStatus(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunDownload(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunLogin(const std::vector<std::string>& arguments, const Environment& environment);

@@ -221,7 +221,7 @@ absl::Status CheckHeatMap(const std::string& path) {
 
 ExitCode RunCompare(const std::vector<std::string>& arguments, const Environment& environment) {
   CompareOptions options;
-  CommandLine command_line("compare", SummaryOf("compare"));
+  CommandLine command_line(WordsOf("compare"));
   command_line.AddArgument("PICTURE", &options.picture, "The OpenEXR picture");
   command_line.AddArgument("REFERENCE", &options.reference, "The OpenEXR reference picture");
   command_line.AddText("--layer", "NAME", &options.layer,

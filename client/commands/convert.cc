@@ -15,7 +15,7 @@ ExitCode RunConvert(const std::vector<std::string>& arguments, const Environment
   std::string layer;
   pictures::DisplayOptions display;
   bool json = false;
-  CommandLine command_line("convert", SummaryOf("convert"));
+  CommandLine command_line(WordsOf("convert"));
   command_line.AddArgument("PICTURE", &picture, "The OpenEXR picture");
   command_line.AddRequiredText("-o,--output", "FILE", &output, "Output file, .png or .jpg");
   command_line.AddText("--layer", "NAME", &layer,

@@ -173,7 +173,7 @@ class Doctor {
 
 ExitCode RunDoctor(const std::vector<std::string>& arguments, const Environment& environment) {
   RemoteOptions remote(environment);
-  CommandLine command_line("doctor", SummaryOf("doctor"));
+  CommandLine command_line(WordsOf("doctor"));
   remote.AddOptions(command_line);
   command_line.SetFooter("The exit code is 1 if something is wrong.");
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;

@@ -30,8 +30,8 @@ ExitCode RunDownload(const std::vector<std::string>& arguments, const Environmen
   PictureOptions picture;
   picture.threads = environment.defaults.threads;
   RemoteOptions remote(environment);
-  CommandLine command_line("download", SummaryOf("download"));
-  command_line.AddArgument("JOB", &job_id, "The job's id, as submit printed it");
+  CommandLine command_line(WordsOf("download"));
+  command_line.AddArgument("JOB", &job_id, kJobArgumentHelp);
   command_line.AddFrames("--frame,--frames", &frames, "Frames, such as 7, 1-48 or 1-48,60 (default 0)");
   picture.AddTo(command_line, "-o,--output", /*is_required=*/true);
   remote.AddTo(command_line);
@@ -39,9 +39,10 @@ ExitCode RunDownload(const std::vector<std::string>& arguments, const Environmen
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
   if (const auto ended = picture.Check(frames, "lumifold download", environment)) return *ended;
 
-  const std::unique_ptr<FarmClient> farm = remote.Connect(environment);
+  const absl::StatusOr<std::unique_ptr<FarmClient>> farm = remote.ConnectFor(&job_id, environment);
+  if (!farm.ok()) return ReportError(environment, farm.status());
   const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
-  const absl::StatusOr<v1::JobStatus> job = farm->GetJob(job_id);
+  const absl::StatusOr<v1::JobStatus> job = (*farm)->GetJob(job_id);
   if (!job.ok()) return ReportError(environment, job.status());
   const std::vector<FrameRange> skipped = SkippedFrames(*job);
   std::vector<FrameRange> missing;
@@ -52,7 +53,7 @@ ExitCode RunDownload(const std::vector<std::string>& arguments, const Environmen
         continue;
       }
       const absl::Status downloaded =
-          picture.Fetch(*farm, *job, frame, *progress, remote.MakeBackoff(environment));
+          picture.Fetch(**farm, *job, frame, *progress, remote.MakeBackoff(environment));
       if (!downloaded.ok()) return ReportError(environment, downloaded);
       ReportDownloaded(job_id, frame, picture.OutputOf(*job, frame), remote.json, environment);
     }

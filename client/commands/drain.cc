@@ -6,7 +6,7 @@ namespace lumifold::client {
 ExitCode RunDrain(const std::vector<std::string>& arguments, const Environment& environment) {
   v1::WorkerRequest request;
   RemoteOptions remote(environment);
-  CommandLine command_line("drain", SummaryOf("drain"));
+  CommandLine command_line(WordsOf("drain"));
   command_line.AddArgument("WORKER", request.mutable_worker(), kWorkerArgumentHelp);
   bool finish_units = false;
   command_line.AddFlag("--after-units", &finish_units,

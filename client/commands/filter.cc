@@ -1,8 +1,11 @@
+#include <unistd.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <system_error>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -49,7 +52,7 @@ void AddListOptions(CommandLine* command_line, FilterOptions* options) {
 /// Runs `lumifold filter --list-methods [--json]`.
 ExitCode ListMethods(const std::vector<std::string>& arguments, const Environment& environment) {
   FilterOptions options;
-  CommandLine command_line("filter", SummaryOf("filter"));
+  CommandLine command_line(WordsOf("filter"));
   AddListOptions(&command_line, &options);
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
   environment.out << (options.json ? environment.local.methods.json : environment.local.methods.table)
@@ -60,10 +63,10 @@ ExitCode ListMethods(const std::vector<std::string>& arguments, const Environmen
 std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, const Environment& environment,
                                     FilterOptions* options) {
   options->threads = environment.defaults.threads;
-  CommandLine command_line("filter", SummaryOf("filter"));
+  CommandLine command_line(WordsOf("filter"));
   command_line.AddArgument("PICTURE", &options->picture,
-                           "The OpenEXR picture: a film of --save-film, any of our pictures, or another "
-                           "renderer's passes");
+                           "The picture: a film of --save-film, any of our pictures or another renderer's "
+                           "passes, .exr; or, with less to go by, .png or .jpg");
   command_line.AddText("--half-b", "FILE", &options->half_b,
                        "A picture with the same number of other samples, for a better estimate of the noise");
   command_line.AddText("--layout", "NAME", &options->layout,
@@ -99,6 +102,44 @@ std::string FolderOf(const std::string& path) {
   const std::string folder = std::filesystem::path(path).parent_path().string();
   return folder.empty() ? "." : folder;
 }
+
+/// What a filter cannot know of a picture for a display.
+constexpr char kOfDisplayed[] =
+    "a picture for a display: light brighter than white, dark detail and layers are lost, and its noise is "
+    "estimated from the picture itself; an .exr gives more";
+
+bool IsForDisplay(const std::string& path) {
+  const absl::StatusOr<PictureFormat> format = PictureFormatOf(path);
+  return format.ok() && IsDisplayed(*format);
+}
+
+/// An input that may be a picture for a display: the filter then reads a copy of it as OpenEXR, beside the
+/// output, which is removed at the end.
+class InputFile {
+ public:
+  ~InputFile() {
+    std::error_code ignored;
+    if (!copy_.empty()) std::filesystem::remove(copy_, ignored);
+  }
+
+  absl::Status Open(const std::string& path, const std::string& output, const Environment& environment) {
+    path_ = path;
+    if (!IsForDisplay(path)) return absl::OkStatus();
+    if (!environment.local.displayed_reader)
+      return absl::UnimplementedError("this build reads .exr only: it has no worker");
+    const absl::StatusOr<LayeredImage> picture = environment.local.displayed_reader(path);
+    if (!picture.ok()) return picture.status();
+    ReportLine(environment, absl::StrCat(path, ": ", kOfDisplayed));
+    path_ = copy_ = absl::StrCat(output, ".", getpid(), ".input.exr");
+    return OfThisMachine(WriteExr(copy_, *picture));
+  }
+
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+  std::string copy_;
+};
 
 /// The output file; takes bands of filtered rows.
 class Output {
@@ -183,6 +224,9 @@ class IoClock {
 /// writes.
 absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmFile* film,
                                   const Environment& environment) {
+  const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
+  // Blocks of a large picture are finished one after the other, a small one is done at once.
+  ProgressState state = {.stage = "filtering", .unit = ProgressUnit::kTime};
   Output output;
   if (absl::Status status = output.Open(options, *film); !status.ok()) return status;
   IoClock io;
@@ -196,8 +240,12 @@ absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmFile* film,
     io.Begin();
     absl::Status status = output.Append(rows);
     io.End();
+    state.done += rows.height();
+    state.total = film->height();
+    progress->Update(state);
     return status;
   };
+  progress->Update(state);
   const absl::Time start = rpc::MonotonicNow();
   const absl::Status filtered = environment.local.film_filter(
       &timed, options.method, options.threads, Output::PassedOn(*PictureFormatOf(options.output)), write);
@@ -218,11 +266,17 @@ ExitCode RunFilter(const std::vector<std::string>& arguments, const Environment&
     return ReportError(environment, absl::UnimplementedError("this build has no filter"));
   KeepFreedMemory();
   SetExrThreads(options.threads);
+  InputFile picture;
+  InputFile half_b;
+  absl::Status opened = picture.Open(options.picture, options.output, environment);
+  if (opened.ok()) opened = half_b.Open(options.half_b, options.output + ".b", environment);
+  if (!opened.ok()) return ReportError(environment, opened);
   const absl::StatusOr<std::unique_ptr<FilmFile>> film =
-      FilmFile::Open({options.picture, options.half_b, options.layout, FolderOf(options.output)});
+      FilmFile::Open({picture.path(), half_b.path(), options.layout, FolderOf(options.output)});
   if (!film.ok()) return ReportError(environment, film.status());
   for (const std::string& note : (*film)->notes())
     ReportLine(environment, absl::StrCat(options.picture, ": ", note));
+  options.picture = picture.path();
   const absl::StatusOr<double> seconds = FilterInto(options, film->get(), environment);
   if (!seconds.ok()) return ReportError(environment, seconds.status());
   if (options.json) {

@@ -8,7 +8,7 @@ ExitCode RunIdentities(const std::vector<std::string>& arguments, const Environm
   bool all = false;
   v1::ListIdentitiesRequest request;
   RemoteOptions remote(environment);
-  CommandLine command_line("identities", SummaryOf("identities"));
+  CommandLine command_line(WordsOf("identities"));
   command_line.AddFlag("--all", &all, "Also those that have expired, were revoked or used");
   remote.AddTo(command_line);
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;

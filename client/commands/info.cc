@@ -106,7 +106,7 @@ ExitCode PictureInfo(const std::string& path, bool json, const Environment& envi
 ExitCode RunInfo(const std::vector<std::string>& arguments, const Environment& environment) {
   std::string file;
   bool json = false;
-  CommandLine command_line("info", SummaryOf("info"));
+  CommandLine command_line(WordsOf("info"));
   command_line.AddArgument("FILE", &file, "A scene, .gltf or .glb, or an OpenEXR picture");
   AddJson(command_line, &json);
   command_line.SetFooter(

@@ -18,7 +18,7 @@ ExitCode RunInvite(const std::vector<std::string>& arguments, const Environment&
   float hours = 0;
   std::vector<std::string> scopes;
   RemoteOptions remote(environment);
-  CommandLine command_line("invite", SummaryOf("invite"));
+  CommandLine command_line(WordsOf("invite"));
   command_line.AddArgument("NAME", request.mutable_name(), "Of the person or worker");
   command_line.AddFlag("--worker", &is_worker, "Invite a worker, not a person");
   command_line.AddTexts("--scope", "SCOPE", &scopes,

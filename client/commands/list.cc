@@ -17,7 +17,7 @@ ExitCode RunList(const std::vector<std::string>& arguments, const Environment& e
   std::vector<std::string> states;
   v1::ListJobsRequest request;
   RemoteOptions remote(environment);
-  CommandLine command_line("list", SummaryOf("list"));
+  CommandLine command_line(WordsOf("list"));
   command_line.AddWholeNumber("--limit", &limit, 1, kMaxJobs, "Maximum number of jobs (default 100)");
   command_line.AddTexts("--state", "STATE", &states, "Only jobs in this state; may be repeated");
   command_line.AddText("--user", "NAME", request.mutable_user(), "Only jobs of this user");

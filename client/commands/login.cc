@@ -11,7 +11,7 @@ ExitCode RunLogin(const std::vector<std::string>& arguments, const Environment& 
   std::string code;
   std::string profile = identity::kDefaultProfile;
   bool certificate = false;
-  CommandLine command_line("login", SummaryOf("login"));
+  CommandLine command_line(WordsOf("login"));
   command_line.AddArgument("SERVER", &server,
                            "HOST:PORT of the coordinator, or those of one farm, as for --server");
   command_line.AddOptionalArgument(

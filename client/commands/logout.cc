@@ -6,7 +6,7 @@ namespace lumifold::client {
 
 ExitCode RunLogout(const std::vector<std::string>& arguments, const Environment& environment) {
   std::string profile = identity::kDefaultProfile;
-  CommandLine command_line("logout", SummaryOf("logout"));
+  CommandLine command_line(WordsOf("logout"));
   command_line.AddText("--profile", "NAME", &profile, "The profile (default: default)");
   command_line.SetFooter(
       "The token or certificate itself stays valid until it expires or an administrator revokes it.");

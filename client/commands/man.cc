@@ -9,7 +9,7 @@ namespace lumifold::client {
 
 ExitCode RunMan(const std::vector<std::string>& arguments, const Environment& environment) {
   std::string name;
-  CommandLine command_line("man", SummaryOf("man"));
+  CommandLine command_line(WordsOf("man"));
   command_line.AddOptionalArgument("COMMAND", &name,
                                    "A command of lumifold; without it, the page that lists them");
   command_line.SetFooter("lumifold man render | man -l -");

@@ -21,7 +21,7 @@ ExitCode RunPage(const std::vector<std::string>& arguments, const Environment& e
   v1::CreatePageLinkRequest request;
   int hours = 0;
   RemoteOptions remote(environment);
-  CommandLine command_line("page", SummaryOf("page"));
+  CommandLine command_line(WordsOf("page"));
   command_line.AddOptionalArgument("JOB", &job_id, "The page begins with this job");
   command_line.AddFlag("--share", &share, "A link for others: it shows JOB only, and changes nothing");
   command_line.AddWholeNumber("--hours", &hours, 1, 720, "Time until the link ends (default 12)");
@@ -32,9 +32,12 @@ ExitCode RunPage(const std::vector<std::string>& arguments, const Environment& e
   if (share && job_id.empty())
     return ReportUsage(environment, "lumifold page", "--share: expected a JOB to show");
 
+  const absl::StatusOr<std::unique_ptr<FarmClient>> farm =
+      job_id.empty() ? remote.Connect(environment) : remote.ConnectFor(&job_id, environment);
+  if (!farm.ok()) return ReportError(environment, farm.status());
   if (share) request.set_job_id(job_id);
   request.set_hours(hours);
-  const absl::StatusOr<v1::PageLink> link = remote.Connect(environment)->CreatePageLink(request);
+  const absl::StatusOr<v1::PageLink> link = (*farm)->CreatePageLink(request);
   if (!link.ok()) return ReportError(environment, link.status());
   const std::string url = UrlOf(*link, job_id);
   const nlohmann::ordered_json json = {{"url", url}, {"expires_unix_ms", link->expires_unix_ms()}};

@@ -19,6 +19,9 @@
 namespace lumifold::client {
 namespace {
 
+/// Value of --exr for all layers in floats.
+constexpr char kFullExr[] = "full";
+
 /// The folder of a path with placeholders.
 absl::Status MakeFolderOf(const std::string& path) {
   const std::filesystem::path folder = std::filesystem::path(path).parent_path();
@@ -38,7 +41,7 @@ std::string FilesOf(const std::string& path, const v1::JobStatus& job, const Fra
 void PictureOptions::AddTo(CommandLine& command_line, const std::string& output_option, bool is_required) {
   output_option_ = output_option.substr(0, output_option.find(','));
   const char* const help =
-      "Output file: .exr with all layers, .png or .jpg; ### is replaced by the frame number, {job}, {name} "
+      "Output file: .exr, .png or .jpg; ### is replaced by the frame number, {job}, {name} "
       "and {user} "
       "by those of the job";
   if (is_required) {
@@ -48,6 +51,10 @@ void PictureOptions::AddTo(CommandLine& command_line, const std::string& output_
   }
   command_line.AddText("--noisy", "FILE", &noisy, "Also write the unfiltered picture, as .png or .jpg");
   AddDisplayOptions(command_line, &display);
+  command_line.AddChoice(
+      "--exr", "WHICH", {"lean", kFullExr}, &exr,
+      "Of an .exr: 'lean', what compositors use, in half floats; 'full', all layers in floats (default lean; "
+      "full with --reproducible, and of jobs with --save-film)");
   command_line.AddChoice(
       "--compression", "HOW", {"none", "zips", "zip", "piz", "dwaa"}, &compression,
       "Of an .exr: none, zips, zip (default), piz or dwaa, which loses a little of the colours");
@@ -142,14 +149,15 @@ absl::Status PictureOptions::Write(const std::string& part_path, const v1::JobSt
 
 absl::Status PictureOptions::WriteExr(const std::string& part_path, const v1::JobStatus& job,
                                       const std::string& path) const {
-  ExrCopyOptions copy{.compression = compression, .layers_as_parts = parts == "layers"};
+  const bool is_full = exr.empty() ? is_reproducible || job.settings().save_film() : exr == kFullExr;
+  ExrCopyOptions copy{.compression = compression, .layers_as_parts = parts == "layers", .is_lean = !is_full};
   if (!is_reproducible) {
     const absl::Time submitted = absl::FromUnixMillis(job.submitted_unix_ms());
     copy.texts["capDate"] = absl::FormatTime("%Y:%m:%d %H:%M:%S", submitted, absl::UTCTimeZone());
     copy.texts["owner"] = job.scheduling().user();
     copy.numbers["utcOffset"] = 0;
     copy.numbers["renderTime"] = static_cast<float>(job.times().render_seconds());
-  } else if (compression.empty() && !copy.layers_as_parts) {
+  } else if (compression.empty() && !copy.layers_as_parts && is_full) {
     return OfThisMachine(MoveIntoPlace(part_path, path));
   }
   SetExrThreads(threads);

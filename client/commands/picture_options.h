@@ -41,6 +41,7 @@ struct PictureOptions {
   pictures::DisplayOptions display;
   std::string compression;       // of an .exr, see ExrCopyOptions; empty: as the coordinator wrote it
   std::string parts = "single";  // or "layers"
+  std::string exr;               // "lean" or "full"; empty: full of films and reproducible ones, else lean
   bool is_reproducible = false;  // without date, owner and times
   int threads = 1;               // to compress with
 

@@ -14,7 +14,7 @@ struct PlanOptions {
 
 std::optional<ExitCode> ParsePlan(const std::vector<std::string>& arguments, const Environment& environment,
                                   PlanOptions* options) {
-  CommandLine command_line("plan", SummaryOf("plan"));
+  CommandLine command_line(WordsOf("plan"));
   AddJobOptions(command_line, &options->job);
   AddJson(command_line, &options->json);
   command_line.SetFooter(

@@ -22,6 +22,24 @@ namespace {
 
 constexpr int kMaxThreads = 4096;
 
+/// The stages as they are on one machine, where nothing is sent.
+class LocalStages final : public Progress {
+ public:
+  explicit LocalStages(std::unique_ptr<Progress> shown) : shown_(std::move(shown)) {}
+
+  void Update(const ProgressState& state) override {
+    ProgressState local = state;
+    if (state.stage == "uploading") local.stage = "reading the scene";
+    if (state.stage == "downloading") local.stage = "writing";
+    shown_->Update(local);
+  }
+  void Message(absl::string_view line) override { shown_->Message(line); }
+  void Clear() override { shown_->Clear(); }
+
+ private:
+  const std::unique_ptr<Progress> shown_;
+};
+
 struct RenderOptions {
   JobOptions job;
   PictureOptions picture;
@@ -36,7 +54,7 @@ std::optional<ExitCode> ParseRender(const std::vector<std::string>& arguments, c
                                     RenderOptions* options) {
   options->farm.threads = environment.defaults.threads;
   options->picture.threads = environment.defaults.threads;
-  CommandLine command_line("render", SummaryOf("render"));
+  CommandLine command_line(WordsOf("render"));
   AddJobOptions(command_line, &options->job);
   options->picture.AddTo(command_line, "-o,--output", /*is_required=*/true);
   AddJobName(command_line, &options->name);
@@ -139,13 +157,12 @@ ExitCode RunRender(const std::vector<std::string>& arguments, const Environment&
                                                 .trace_parent = environment.trace_parent});
   };
   const std::unique_ptr<FarmClient> farm = connect();
-  const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
-  const absl::StatusOr<v1::JobStatus> job =
-      RunJob(*farm, connect(), options, *assets, *progress, environment);
+  LocalStages progress(MakeProgressPrinter(environment));
+  const absl::StatusOr<v1::JobStatus> job = RunJob(*farm, connect(), options, *assets, progress, environment);
   if (!job.ok()) return ReportError(environment, job.status());
   if (job->state() != v1::JOB_STATE_DONE)
     return RunHook(options.hook, *job, "", ReportOutcome(environment, *job), environment);
-  const absl::Status written = WritePictures(*farm, options, *job, *progress, environment);
+  const absl::Status written = WritePictures(*farm, options, *job, progress, environment);
   if (!written.ok()) return ReportError(environment, written);
   ReportRendered(options, *job, environment);
   const std::string output = options.picture.OutputOf(*job, options.job.view.frames.first());

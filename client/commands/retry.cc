@@ -19,7 +19,7 @@ ExitCode RunRetry(const std::vector<std::string>& arguments, const Environment& 
   bool filter_only = false;
   bool skips = false;
   RemoteOptions remote(environment);
-  CommandLine command_line("retry", SummaryOf("retry"));
+  CommandLine command_line(WordsOf("retry"));
   command_line.AddArgument("JOB", request.mutable_job_id(), kJobArgumentHelp);
   command_line.AddFrames("--frame,--frames", &frames, "Frames to render again, or to skip (default: all)");
   command_line.AddRect("--region", &region,
@@ -46,7 +46,10 @@ ExitCode RunRetry(const std::vector<std::string>& arguments, const Environment& 
   }
   request.set_filter_only(filter_only);
   request.set_skip(skips);
-  return ReportJob(environment, remote.json, remote.Connect(environment)->RetryJob(request));
+  const absl::StatusOr<std::unique_ptr<FarmClient>> farm =
+      remote.ConnectFor(request.mutable_job_id(), environment);
+  if (!farm.ok()) return ReportError(environment, farm.status());
+  return ReportJob(environment, remote.json, (*farm)->RetryJob(request));
 }
 
 }  // namespace lumifold::client

@@ -8,7 +8,7 @@ ExitCode RunRevoke(const std::vector<std::string>& arguments, const Environment&
   v1::RevokeRequest request;
   std::string name;
   RemoteOptions remote(environment);
-  CommandLine command_line("revoke", SummaryOf("revoke"));
+  CommandLine command_line(WordsOf("revoke"));
   command_line.AddOptionalArgument("NAME", &name, "All of this person or worker");
   command_line.AddText("--id", "ID", request.mutable_id(), "Only this token, certificate or invite");
   remote.AddTo(command_line);

@@ -25,7 +25,7 @@ std::string Help() {
       "Lumifold renders glTF scenes, on this machine or on a farm, and filters only their noise.\n"
       "\n"
       "Usage: lumifold COMMAND [OPTIONS]\n"
-      "       lumifold COMMAND --help\n"
+      "       lumifold help COMMAND\n"
       "       lumifold --version\n"
       "\n"
       "Commands:\n";
@@ -67,13 +67,17 @@ ExitCode Run(const Command& command, const std::vector<std::string>& arguments, 
   return command.run(arguments, environment);
 }
 
+bool IsHelp(const std::string& word) { return word == "--help" || word == "-h" || word == "help"; }
+
 ExitCode Dispatch(const std::vector<std::string>& arguments, const Environment& environment) {
   if (arguments.empty()) {
     environment.err << Help() << std::flush;
     return ExitCode::kUsage;
   }
   const std::string& name = arguments.front();
-  if (name == "--help" || name == "-h" || name == "help") {
+  if (IsHelp(name) && arguments.size() > 1 && !IsHelp(arguments[1]))
+    return Dispatch({arguments[1], "--help"}, environment);
+  if (IsHelp(name)) {
     environment.out << Help() << std::flush;
     return ExitCode::kOk;
   }

@@ -8,7 +8,7 @@
 namespace lumifold::client {
 
 ExitCode RunSchema(const std::vector<std::string>& arguments, const Environment& environment) {
-  CommandLine command_line("schema", SummaryOf("schema"));
+  CommandLine command_line(WordsOf("schema"));
   command_line.SetFooter("Editors complete and check a job file by it.");
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
   constexpr std::array<absl::string_view, 3> kCommandsOfJobs = {"submit", "render", "plan"};

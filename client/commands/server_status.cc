@@ -6,7 +6,7 @@ namespace lumifold::client {
 
 ExitCode RunServerStatus(const std::vector<std::string>& arguments, const Environment& environment) {
   RemoteOptions remote(environment);
-  CommandLine command_line("server-status", SummaryOf("server-status"));
+  CommandLine command_line(WordsOf("server-status"));
   remote.AddTo(command_line);
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 

@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "client/cli/colour.h"
 #include "client/commands/commands.h"
+#include "client/farm/find_job.h"
 #include "client/reports/farm_report.h"
 #include "client/reports/job_report.h"
 #include "proto/identity/certificate.h"
@@ -18,6 +19,8 @@ namespace {
 
 // Enough time to restart a coordinator or to move it to another machine.
 constexpr absl::Duration kMaxOutage = absl::Minutes(5);
+/// Whose jobs are that name no user.
+constexpr char kNobody[] = "anonymous";
 
 }  // namespace
 
@@ -71,6 +74,22 @@ Backoff RemoteOptions::MakeBackoff(const Environment& environment) const {
 
 std::unique_ptr<AccessClient> RemoteOptions::ConnectToAccess(const Environment& environment) const {
   return client::ConnectToAccess(ClientOptions(environment));
+}
+
+absl::StatusOr<std::unique_ptr<FarmClient>> RemoteOptions::ConnectFor(std::string* job,
+                                                                      const Environment& environment) const {
+  std::unique_ptr<FarmClient> farm = Connect(environment);
+  const auto user = [&]() -> absl::StatusOr<std::string> {
+    const std::string& submits = environment.defaults.user;
+    if (!security.uses_tls()) return submits.empty() ? kNobody : submits;
+    const absl::StatusOr<v1::WhoAmIResponse> caller = ConnectToAccess(environment)->WhoAmI();
+    if (!caller.ok()) return caller.status();
+    return caller->name();
+  };
+  absl::StatusOr<std::string> id = FindJob(*farm, *job, user);
+  if (!id.ok()) return id.status();
+  *job = *std::move(id);
+  return farm;
 }
 
 absl::Status RemoteOptions::Resolve() {
@@ -139,12 +158,14 @@ ExitCode RunOnJob(const std::string& command, const std::string& footer,
                   const std::vector<std::string>& arguments, const Environment& environment, JobCall call) {
   std::string job_id;
   RemoteOptions remote(environment);
-  CommandLine command_line(command, SummaryOf(command));
+  CommandLine command_line(WordsOf(command));
   command_line.AddArgument("JOB", &job_id, kJobArgumentHelp);
   remote.AddTo(command_line);
   command_line.SetFooter(footer);
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
-  return ReportJob(environment, remote.json, call(*remote.Connect(environment), job_id));
+  const absl::StatusOr<std::unique_ptr<FarmClient>> farm = remote.ConnectFor(&job_id, environment);
+  if (!farm.ok()) return ReportError(environment, farm.status());
+  return ReportJob(environment, remote.json, call(**farm, job_id));
 }
 
 ExitCode RunHook(const Hook& hook, const v1::JobStatus& job, const std::string& output, ExitCode outcome,

@@ -34,6 +34,9 @@ struct RemoteOptions {
   absl::Status Resolve();
   std::unique_ptr<FarmClient> Connect(const Environment& environment) const;
   std::unique_ptr<AccessClient> ConnectToAccess(const Environment& environment) const;
+  /// Connect, once `*job` is the id of the job that it means, see FindJob. Errors: those of FindJob.
+  absl::StatusOr<std::unique_ptr<FarmClient>> ConnectFor(std::string* job,
+                                                         const Environment& environment) const;
 
   /// Client MakeBackoff, or --timeout.
   Backoff MakeBackoff(const Environment& environment) const;
@@ -68,7 +71,8 @@ std::unique_ptr<Progress> MakeProgressPrinter(const Environment& environment);
 Backoff MakeBackoff(const Environment& environment);
 
 /// Help of the arguments JOB and WORKER.
-inline constexpr char kJobArgumentHelp[] = "The job's id, as submit printed it";
+inline constexpr char kJobArgumentHelp[] =
+    "The job: its id, the beginning or the end of that, its name, or 'last'";
 inline constexpr char kWorkerArgumentHelp[] = "The worker's id (w-...) or name, see 'lumifold workers'";
 
 /// The end of a command that changes a job or a worker: prints it as JSON to `out` or, as one line, to `err`;

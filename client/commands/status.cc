@@ -7,12 +7,14 @@ namespace lumifold::client {
 ExitCode RunStatus(const std::vector<std::string>& arguments, const Environment& environment) {
   std::string job_id;
   RemoteOptions remote(environment);
-  CommandLine command_line("status", SummaryOf("status"));
+  CommandLine command_line(WordsOf("status"));
   command_line.AddArgument("JOB", &job_id, kJobArgumentHelp);
   remote.AddTo(command_line);
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 
-  const absl::StatusOr<v1::JobStatus> job = remote.Connect(environment)->GetJob(job_id);
+  const absl::StatusOr<std::unique_ptr<FarmClient>> farm = remote.ConnectFor(&job_id, environment);
+  if (!farm.ok()) return ReportError(environment, farm.status());
+  const absl::StatusOr<v1::JobStatus> job = (*farm)->GetJob(job_id);
   if (!job.ok()) return ReportError(environment, job.status());
   environment.out << (remote.json ? JobJson(*job) + "\n" : JobText(*job)) << std::flush;
   return ExitCode::kOk;

@@ -42,7 +42,7 @@ struct SubmitOptions {
 
 std::optional<ExitCode> ParseSubmit(const std::vector<std::string>& arguments, const Environment& environment,
                                     SubmitOptions* options) {
-  CommandLine command_line("submit", SummaryOf("submit"));
+  CommandLine command_line(WordsOf("submit"));
   AddJobOptions(command_line, &options->job);
   options->scheduling.AddTo(command_line);
   command_line.AddFlag("--wait", &options->waits,
@@ -60,13 +60,26 @@ std::optional<ExitCode> ParseSubmit(const std::vector<std::string>& arguments, c
   return options->picture.Check(options->job.view.frames, kCommand, environment);
 }
 
+/// What is wrong with the scene is said before it is uploaded.
+absl::Status CheckScene(v1::JobSpec spec, const SceneAssets& assets, const Environment& environment) {
+  if (!environment.local.scene_check) return absl::OkStatus();
+  *spec.mutable_scene() = MakeSceneRef(assets);
+  const absl::Status status = environment.local.scene_check(spec, assets);
+  return absl::IsInvalidArgument(status) ? OfThisMachine(status) : status;
+}
+
 absl::StatusOr<std::string> Submit(const SubmitOptions& options, FarmClient& farm, Progress& progress,
                                    const Environment& environment) {
+  v1::Scheduling scheduling = options.scheduling.ToProto();
+  for (std::string& job : *scheduling.mutable_after()) {
+    if (const auto found = options.remote.ConnectFor(&job, environment); !found.ok()) return found.status();
+  }
   const absl::StatusOr<SceneAssets> assets = FindJobAssets(options.job);
   if (!assets.ok()) return assets.status();
   v1::SubmitJobRequest request;
   *request.mutable_spec() = MakeJobSpec(options.job);
-  *request.mutable_scheduling() = options.scheduling.ToProto();
+  if (absl::Status status = CheckScene(request.spec(), *assets, environment); !status.ok()) return status;
+  *request.mutable_scheduling() = std::move(scheduling);
   return SubmitScene(farm, *assets, std::move(request), progress, options.remote.MakeBackoff(environment));
 }
 

@@ -31,7 +31,7 @@ ExitCode RunWatch(const std::vector<std::string>& arguments, const Environment& 
   PreviewFileOptions file;
   Hook hook;
   RemoteOptions remote(environment);
-  CommandLine command_line("watch", SummaryOf("watch"));
+  CommandLine command_line(WordsOf("watch"));
   command_line.AddArgument("JOB", &file.job_id, kJobArgumentHelp);
   AddPreview(command_line, &file.path);
   command_line.AddWholeNumber("--frame", &file.frame, 0, std::numeric_limits<int>::max(),
@@ -46,7 +46,8 @@ ExitCode RunWatch(const std::vector<std::string>& arguments, const Environment& 
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
   if (const auto ended = CheckPreview(file.path, "lumifold watch", environment)) return *ended;
 
-  const std::unique_ptr<FarmClient> farm = remote.Connect(environment);
+  const absl::StatusOr<std::unique_ptr<FarmClient>> farm = remote.ConnectFor(&file.job_id, environment);
+  if (!farm.ok()) return ReportError(environment, farm.status());
   const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
   const auto print = [&](const v1::JobStatus& job) {
     if (remote.json) environment.out << JobJson(job) << "\n" << std::flush;
@@ -55,12 +56,12 @@ ExitCode RunWatch(const std::vector<std::string>& arguments, const Environment& 
   ProgressWithWorkers shown(*progress, workers);
   const std::unique_ptr<PreviewFile> preview = StartPreview(remote.Connect(environment), file);
   const absl::StatusOr<v1::JobStatus> job =
-      FollowJob(*farm, file.job_id, shown, remote.MakeBackoff(environment), print);
+      FollowJob(**farm, file.job_id, shown, remote.MakeBackoff(environment), print);
   if (!job.ok()) return ReportError(environment, job.status());
   if (preview != nullptr) {
     absl::Status written = preview->Stop();
     if (written.ok() && IsDone(*job) && !HasFrame(SkippedFrames(*job), file.frame))
-      written = FetchResult(*farm, *job, file, *progress, remote.MakeBackoff(environment));
+      written = FetchResult(**farm, *job, file, *progress, remote.MakeBackoff(environment));
     if (!written.ok()) ReportError(environment, written);
   }
   const ExitCode outcome = ReportOutcome(environment, *job);

@@ -6,7 +6,7 @@ namespace lumifold::client {
 
 ExitCode RunWhoAmI(const std::vector<std::string>& arguments, const Environment& environment) {
   RemoteOptions remote(environment);
-  CommandLine command_line("whoami", SummaryOf("whoami"));
+  CommandLine command_line(WordsOf("whoami"));
   remote.AddTo(command_line);
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 

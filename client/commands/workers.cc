@@ -1,5 +1,7 @@
 #include <algorithm>
 
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
 #include "client/reports/farm_report.h"
@@ -18,14 +20,17 @@ bool NameCoordinators(const v1::ListWorkersResponse& page) {
 
 ExitCode RunWorkers(const std::vector<std::string>& arguments, const Environment& environment) {
   RemoteOptions remote(environment);
-  CommandLine command_line("workers", SummaryOf("workers"));
+  v1::ListWorkersRequest request;
+  CommandLine command_line(WordsOf("workers"));
+  command_line.AddOptionalArgument("WORKER", request.mutable_worker(),
+                                   "Only this worker, by id (w-...) or name, with its last frames");
   remote.AddTo(command_line);
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 
   const std::unique_ptr<FarmClient> farm = remote.Connect(environment);
-  v1::ListWorkersRequest request;
   request.set_limit(kPageWorkers);
   bool is_first = true;
+  bool has_any = false;
   bool of_several = false;
   do {
     const absl::StatusOr<v1::ListWorkersResponse> page = farm->ListWorkers(request);
@@ -33,11 +38,15 @@ ExitCode RunWorkers(const std::vector<std::string>& arguments, const Environment
     if (is_first) of_several = NameCoordinators(*page);
     if (is_first && !remote.json) environment.out << WorkerTableHead(of_several);
     is_first = false;
+    has_any |= page->workers_size() > 0;
     for (const v1::WorkerStatus& worker : page->workers())
-      environment.out << (remote.json ? WorkerJson(worker) + "\n" : WorkerTableLine(worker, of_several));
+      environment.out << (remote.json ? WorkerJson(worker) + "\n"
+                                      : WorkerTableLine(worker, of_several) + HistoryText(worker));
     request.set_page_token(page->next_page_token());
   } while (!request.page_token().empty());
   environment.out << std::flush;
+  if (!has_any && !request.worker().empty())
+    return ReportError(environment, absl::NotFoundError(absl::StrCat("no worker '", request.worker(), "'")));
   return ExitCode::kOk;
 }
 

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "proto/identity/pinned_ca.h"
 #include "proto/retry/schedule.h"
 #include "proto/retry/storage_away.h"
 #include "proto/rpc/monotonic.h"
@@ -19,6 +20,9 @@ namespace {
 
 /// Short enough that an outage of seconds costs seconds, and that Ctrl-C is noticed soon.
 constexpr retry::Pauses kPausesOfAnOutage = {.first = absl::Milliseconds(500), .longest = absl::Seconds(2)};
+
+/// Of the question whether an address that a call did not reach is encrypted.
+constexpr absl::Duration kProbeTimeout = absl::Seconds(1);
 
 /// Without an interruption, kCancelled means that the other side closed the connection.
 bool IsLost(const absl::Status& status) { return rpc::IsTransient(status) || absl::IsCancelled(status); }
@@ -54,7 +58,9 @@ Coordinators::Coordinators(FarmClientOptions options, Connect connect)
           std::min(static_cast<size_t>(options_.time.jitter() * static_cast<double>(size())), size() - 1)) {}
 
 Coordinators::Coordinators(const FarmClientOptions& options)
-    : Coordinators(options, OverTheNetwork(options)) {}
+    : Coordinators(options, OverTheNetwork(options)) {
+  is_encrypted_ = [](const std::string& address) { return identity::IsEncrypted(address, kProbeTimeout); };
+}
 
 absl::Status Coordinators::Call(const CallPolicy& policy, Try call) {
   const bool answered = false;
@@ -98,8 +104,23 @@ absl::Status Coordinators::Stream(absl::Duration timeout, const bool* answered, 
     current_ = (current_ + 1) % size();
     if (retry::IsStorageAway(status) && (*answered || tried == size())) return status;
     if (*answered) return CannotReach({lost}, status.message());
-    if (tried == size()) return CannotReach(options_.coordinators, status.message());
+    if (tried == size()) return NoneReached(lost, status);
   }
+}
+
+absl::Status Coordinators::NoneReached(const std::string& lost, const absl::Status& status) const {
+  const std::optional<bool> is_encrypted =
+      absl::IsUnavailable(status) && is_encrypted_ ? is_encrypted_(lost) : std::nullopt;
+  if (is_encrypted.value_or(options_.security.uses_tls()) == options_.security.uses_tls())
+    return CannotReach(options_.coordinators, status.message());
+  return absl::UnavailableError(
+      *is_encrypted ? absl::StrCat("the coordinator at ", lost,
+                                   " is encrypted, and there is no profile for it: get access with "
+                                   "'lumifold login ",
+                                   lost, " CODE'")
+                    : absl::StrCat("the coordinator at ", lost,
+                                   " is not encrypted, but the profile that is used for it is: name another "
+                                   "one with --profile, or remove it with 'lumifold logout'"));
 }
 
 const std::shared_ptr<grpc::Channel>& Coordinators::CurrentChannel() {

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -90,11 +91,14 @@ class Coordinators {
 
  private:
   const std::shared_ptr<grpc::Channel>& CurrentChannel();
+  /// The error of a call that reached none, the last of them `lost`.
+  absl::Status NoneReached(const std::string& lost, const absl::Status& status) const;
   absl::Duration PatienceFor(const absl::Status& status) const;
 
   const FarmClientOptions options_;
   const Connect connect_;
-  std::vector<std::shared_ptr<grpc::Channel>> channels_;  // null: not used yet
+  std::function<std::optional<bool>(const std::string& address)> is_encrypted_;  // empty: not asked
+  std::vector<std::shared_ptr<grpc::Channel>> channels_;                         // null: not used yet
   size_t current_;
 };
 

@@ -94,11 +94,9 @@ class GrpcFarmClient : public FarmClient {
   absl::StatusOr<v1::JobStatus> CancelJob(const std::string& job_id) override {
     return Unary<v1::JobStatus>(kShortCall, &Stub::CancelJob, OfJob<v1::CancelJobRequest>(job_id));
   }
-  absl::StatusOr<v1::JobStatus> PauseJob(const std::string& job_id) override {
-    return Unary<v1::JobStatus>(kShortCall, &Stub::PauseJob, OfJob<v1::PauseJobRequest>(job_id));
-  }
-  absl::StatusOr<v1::JobStatus> ResumeJob(const std::string& job_id) override {
-    return Unary<v1::JobStatus>(kShortCall, &Stub::ResumeJob, OfJob<v1::ResumeJobRequest>(job_id));
+  absl::StatusOr<v1::JobStatus> SetJobPaused(const std::string& job_id, bool paused) override {
+    return paused ? Unary<v1::JobStatus>(kShortCall, &Stub::PauseJob, OfJob<v1::PauseJobRequest>(job_id))
+                  : Unary<v1::JobStatus>(kShortCall, &Stub::ResumeJob, OfJob<v1::ResumeJobRequest>(job_id));
   }
   absl::StatusOr<v1::JobStatus> SetJobPriority(const v1::SetJobPriorityRequest& request) override {
     return Unary<v1::JobStatus>(kShortCall, &Stub::SetJobPriority, request);
@@ -142,6 +140,9 @@ class GrpcFarmClient : public FarmClient {
   }
   absl::StatusOr<v1::GetLogResponse> GetLog(const v1::GetLogRequest& request) override {
     return Unary<v1::GetLogResponse>(kShortCall, &Stub::GetLog, request);
+  }
+  absl::StatusOr<v1::GetUsageResponse> GetUsage(const v1::GetUsageRequest& request) override {
+    return Unary<v1::GetUsageResponse>(kShortCall, &Stub::GetUsage, request);
   }
   absl::StatusOr<v1::ServerStatus> GetServerStatus() override {
     return Unary<v1::ServerStatus>(kShortCall, &Stub::GetServerStatus, v1::GetServerStatusRequest());

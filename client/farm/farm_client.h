@@ -46,8 +46,8 @@ class FarmClient {
   /// One page.
   virtual absl::StatusOr<v1::ListJobsResponse> ListJobs(const v1::ListJobsRequest& request) = 0;
   virtual absl::StatusOr<v1::JobStatus> CancelJob(const std::string& job_id) = 0;
-  virtual absl::StatusOr<v1::JobStatus> PauseJob(const std::string& job_id) = 0;
-  virtual absl::StatusOr<v1::JobStatus> ResumeJob(const std::string& job_id) = 0;
+  /// Pauses a job, or resumes it.
+  virtual absl::StatusOr<v1::JobStatus> SetJobPaused(const std::string& job_id, bool paused) = 0;
   virtual absl::StatusOr<v1::JobStatus> SetJobPriority(const v1::SetJobPriorityRequest& request) = 0;
   virtual absl::Status DeleteJob(const std::string& job_id) = 0;
   virtual absl::StatusOr<v1::JobStatus> RetryJob(const v1::RetryJobRequest& request) = 0;
@@ -61,6 +61,7 @@ class FarmClient {
   virtual absl::StatusOr<v1::WorkerStatus> ReadmitWorker(const v1::WorkerRequest& request) = 0;
   virtual absl::StatusOr<v1::GetLogResponse> GetLog(const v1::GetLogRequest& request) = 0;
   virtual absl::StatusOr<v1::ServerStatus> GetServerStatus() = 0;
+  virtual absl::StatusOr<v1::GetUsageResponse> GetUsage(const v1::GetUsageRequest& request) = 0;
   virtual absl::StatusOr<v1::PageLink> CreatePageLink(const v1::CreatePageLinkRequest& request) = 0;
   virtual absl::StatusOr<v1::Preview> GetPreview(const v1::GetPreviewRequest& request) = 0;
 

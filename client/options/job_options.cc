@@ -1,7 +1,6 @@
 #include "client/options/job_options.h"
 
 #include <algorithm>
-#include <array>
 #include <filesystem>
 #include <utility>
 
@@ -9,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/time/time.h"
+#include "client/reports/job_settings.h"
 #include "filter/image/decisions.h"
 #include "filter/image/studio.h"
 #include "proto/rpc/bounded_text.h"
@@ -17,15 +17,9 @@ namespace lumifold::client {
 namespace {
 
 constexpr int kMaxBounces = 1024;
-/// Values of --target-metric.
-constexpr char kMse255[] = "mse255";
-constexpr char kRelMse[] = "relmse";
 constexpr int kMaxMb = 1 << 20;  // a coordinator takes no larger asset
 
-/// Value of --env for no environment. Neither it nor kStudioUri is a file: a file of that name has a folder
-/// before it ("./none").
-constexpr char kNoEnvironment[] = "none";
-
+/// Neither kNoEnvironment nor kStudioUri is a file: a file of that name has a folder before it ("./none").
 bool HasEnvironment(const EnvironmentMapOptions& environment) {
   return !environment.path.empty() && environment.path != kNoEnvironment;
 }
@@ -42,17 +36,6 @@ std::string EnvironmentUri(const std::string& path) {
 
 constexpr int kDefaultSamples = 64;
 
-/// A value of --pixel-filter, and its width where none is given.
-struct PixelFilterChoice {
-  const char* name;
-  v1::PixelFilterKind kind;
-  float width;
-};
-constexpr std::array<PixelFilterChoice, 3> kPixelFilters = {{
-    {"box", v1::PIXEL_FILTER_KIND_BOX, 1},
-    {"gaussian", v1::PIXEL_FILTER_KIND_GAUSSIAN, 2},
-    {"blackman-harris", v1::PIXEL_FILTER_KIND_BLACKMAN_HARRIS, 1.5},
-}};
 constexpr float kMaxPixelFilterWidth = 8;
 
 std::vector<std::string> FilterNames() {

@@ -79,6 +79,7 @@ absl::Status CheckOutput(const std::string& path) {
 absl::Status WriteLayer(const std::string& exr_path, const std::string& layer,
                         const pictures::DisplayOptions& display, const std::string& path) {
   const absl::StatusOr<LayeredImage> image = ReadExr(exr_path);
+  if (absl::IsNotFound(image.status())) return image.status();
   if (!image.ok()) return OfThisMachine(image.status());
   if (!image->HasColor(layer)) {
     return absl::NotFoundError(

@@ -62,6 +62,20 @@ std::string WorkerTableLine(const v1::WorkerStatus& worker, bool of_several) {
       rpc::Printable(worker.reason()));
 }
 
+std::string HistoryText(const v1::WorkerStatus& worker) {
+  std::string text;
+  if (worker.history_size() > 0) {
+    text = absl::StrFormat("\n%-20s %6s  %-24s  %-24s %6s %6s %9s\n", "JOB", "FRAME", "FIRST UNIT",
+                           "LAST UNIT", "UNITS", "FAILED", "SECONDS");
+  }
+  for (const v1::FrameOfWorker& frame : worker.history()) {
+    absl::StrAppendFormat(&text, "%-20s %6d  %-24s  %-24s %6d %6d %9.1f\n", frame.job_id(), frame.frame(),
+                          UtcTimeText(frame.first_unix_ms()), UtcTimeText(frame.last_unix_ms()),
+                          frame.units(), frame.failed(), frame.seconds());
+  }
+  return text;
+}
+
 std::string WorkerJson(const v1::WorkerStatus& worker) {
   nlohmann::ordered_json json;
   json["worker_id"] = worker.worker_id();
@@ -80,6 +94,15 @@ std::string WorkerJson(const v1::WorkerStatus& worker) {
   json["job_ids"] = worker.job_ids();
   json["memory_bytes"] = worker.memory_bytes();
   if (!worker.coordinator().empty()) json["coordinator"] = worker.coordinator();
+  for (const v1::FrameOfWorker& frame : worker.history()) {
+    json["history"].push_back({{"job_id", frame.job_id()},
+                               {"frame", frame.frame()},
+                               {"first_unix_ms", frame.first_unix_ms()},
+                               {"last_unix_ms", frame.last_unix_ms()},
+                               {"units", frame.units()},
+                               {"failed", frame.failed()},
+                               {"seconds", frame.seconds()}});
+  }
   return JsonLine(json);
 }
 

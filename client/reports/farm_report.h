@@ -18,6 +18,8 @@ absl::string_view WorkerStateName(v1::WorkerState state);
 /// worker is connected to, on a farm of several.
 std::string WorkerTableHead(bool of_several);
 std::string WorkerTableLine(const v1::WorkerStatus& worker, bool of_several);
+/// The last frames of a worker that was asked for, as a table; empty if it has none.
+std::string HistoryText(const v1::WorkerStatus& worker);
 std::string WorkerJson(const v1::WorkerStatus& worker);
 
 /// The state of a job and the reasons why it does not run or runs slowly, one in each line.

@@ -9,7 +9,9 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/time.h"
 #include "client/cli/json_line.h"
+#include "client/cli/progress.h"
 #include "client/cli/suggestion.h"
+#include "client/reports/job_settings.h"
 #include "proto/rpc/bounded_text.h"
 
 namespace lumifold::client {
@@ -135,6 +137,12 @@ std::string JobJson(const v1::JobStatus& status,
   json["filter_seconds"] = status.times().filter_seconds();
   json["write_seconds"] = status.times().write_seconds();
   const v1::Scheduling& scheduling = status.scheduling();
+  if (status.width() > 0) {
+    json["width"] = status.width();
+    json["height"] = status.height();
+    json["samples_per_pixel"] = status.samples_per_pixel();
+  }
+  if (status.has_settings()) json["options"] = SettingsJson(status);
   if (status.has_estimated_error()) json["estimated_error"] = status.estimated_error();
   json["user"] = scheduling.user();
   json["priority"] = scheduling.priority();
@@ -168,6 +176,11 @@ std::string JobText(const v1::JobStatus& status) {
   if (scheduling.after_size() > 0) line("after", absl::StrJoin(scheduling.after(), ", "));
   if (!status.coordinator().empty()) line("coordinator", status.coordinator());
   if (!scheduling.trace_id().empty()) line("trace", scheduling.trace_id());
+  if (status.width() > 0) {
+    line("size", status.width(), "x", status.height());
+    line("samples per pixel", status.samples_per_pixel());
+  }
+  if (status.has_settings()) line("options", SettingsText(status));
   line("workers", status.workers());
   line("units", status.units_done(), " of ", status.units_total());
   const std::string filtering = FilteringText(status);
@@ -182,14 +195,18 @@ std::string JobText(const v1::JobStatus& status) {
 }
 
 std::string JobTableHead() {
-  return absl::StrFormat("%-20s %-14s %5s  %-20s %-12s %s\n", "JOB", "STATE", "DONE", "SUBMITTED", "USER",
-                         "SCENE");
+  return absl::StrFormat("%-20s %-14s %5s  %-20s %8s  %-12s %s\n", "JOB", "STATE", "DONE", "SUBMITTED",
+                         "TIME", "USER", "NAME");
 }
 
 std::string JobTableLine(const v1::JobStatus& status) {
-  return absl::StrFormat("%-20s %-14s %4d%%  %-20s %-12s %s\n", status.job_id(), StateName(status.state()),
-                         PercentDone(status), SubmittedText(status),
-                         rpc::Printable(status.scheduling().user()), rpc::Printable(status.display_name()));
+  const double seconds = status.times().render_seconds();
+  std::string error = rpc::Printable(status.error());
+  if (!error.empty()) error.insert(0, "  error: ");
+  return absl::StrFormat(
+      "%-20s %-14s %4d%%  %-20s %8s  %-12s %s%s\n", status.job_id(), StateName(status.state()),
+      PercentDone(status), SubmittedText(status), seconds > 0 ? DurationText(absl::Seconds(seconds)) : "-",
+      rpc::Printable(status.scheduling().user()), rpc::Printable(status.display_name()), error);
 }
 
 }  // namespace lumifold::client

@@ -12,7 +12,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <deque>
 #include <filesystem>
+#include <span>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -46,6 +49,37 @@ struct PartPlan {
   int from = 0;
   std::vector<std::pair<std::string, std::string>> channels;  // name in the original, name in the copy
 };
+
+/// Channels of a lean copy in halves, and those that keep what halves have not enough digits for.
+constexpr std::array<std::string_view, 13> kLeanHalves = {
+    "R",          "G",          "B",          "A",   "albedo.R", "albedo.G", "albedo.B",
+    "emission.R", "emission.G", "emission.B", "N.X", "N.Y",      "N.Z"};
+constexpr std::array<std::string_view, 2> kLeanFloats = {"Z", "id.Y"};
+constexpr float kLargestHalf = 65504;
+constexpr std::string_view kCryptomatte = "Crypto";
+
+bool IsLeanHalf(std::string_view name) {
+  return std::find(kLeanHalves.begin(), kLeanHalves.end(), name) != kLeanHalves.end();
+}
+
+bool IsInLean(std::string_view name) {
+  return IsLeanHalf(name) || name.starts_with(kCryptomatte) ||
+         std::find(kLeanFloats.begin(), kLeanFloats.end(), name) != kLeanFloats.end();
+}
+
+/// The header of a lean copy's only part.
+Imf::Header LeanHeader(const Imf::Header& original) {
+  Imf::Header header = original;
+  header.channels() = Imf::ChannelList();
+  const Imf::ChannelList& channels = original.channels();
+  for (auto it = channels.begin(); it != channels.end(); ++it) {
+    if (!IsInLean(it.name())) continue;
+    Imf::Channel channel = it.channel();
+    if (IsLeanHalf(it.name())) channel.type = Imf::HALF;
+    header.channels().insert(it.name(), channel);
+  }
+  return header;
+}
 
 bool IsColour(const PartPlan& part) {
   return std::all_of(part.channels.begin(), part.channels.end(), [](const auto& channel) {
@@ -100,16 +134,17 @@ PartPlan SamePart(const Imf::Header& original, int from) {
 std::vector<PartPlan> PlanParts(const Imf::MultiPartInputFile& file, const ExrCopyOptions& options) {
   const Imf::Compression* const compression = Find(options.compression);
   const bool is_lossy = compression != nullptr && *compression == Imf::DWAA_COMPRESSION;
+  const Imf::Header header = options.is_lean ? LeanHeader(file.header(0)) : file.header(0);
   std::vector<PartPlan> parts;
   if (options.layers_as_parts || is_lossy) {
-    parts = PartsOfLayers(file.header(0));
+    parts = PartsOfLayers(header);
   } else {
-    parts = {SamePart(file.header(0), 0)};
+    parts = {SamePart(header, 0)};
   }
-  for (int i = 1; i < file.parts(); ++i) parts.push_back(SamePart(file.header(i), i));
+  for (int i = 1; i < file.parts() && !options.is_lean; ++i) parts.push_back(SamePart(file.header(i), i));
   for (PartPlan& part : parts) {
     if (compression == nullptr) continue;
-    const bool is_cryptomatte = part.header.hasName() && part.header.name().starts_with("Crypto");
+    const bool is_cryptomatte = part.header.hasName() && part.header.name().starts_with(kCryptomatte);
     const bool may_lose = part.from == 0 && IsColour(part) && !is_cryptomatte;
     part.header.compression() = is_lossy && !may_lose ? Imf::ZIP_COMPRESSION : *compression;
   }
@@ -128,6 +163,31 @@ bool IsSame(const Imf::MultiPartInputFile& file, const std::vector<PartPlan>& pa
   return true;
 }
 
+/// Rows of a channel as halves.
+class HalfRows {
+ public:
+  HalfRows(ConstFloatView rows, int x0, int y0) : width_(rows.width()), x0_(x0), y0_(y0) {
+    values_.reserve(static_cast<size_t>(rows.width()) * static_cast<size_t>(rows.height()));
+    for (int y = 0; y < rows.height(); ++y) {
+      for (const float value : std::span(rows.Row(y), static_cast<size_t>(width_)))
+        values_.push_back(std::isnan(value) ? half(value)
+                                            : half(std::clamp(value, -kLargestHalf, kLargestHalf)));
+    }
+  }
+  /// Valid as long as this.
+  Imf::Slice slice() {
+    const Imath::Box2i window({x0_, y0_}, {x0_ + width_ - 1, y0_});
+    return Imf::Slice::Make(Imf::HALF, values_.data(), window, sizeof(half),
+                            sizeof(half) * static_cast<size_t>(width_));
+  }
+
+ private:
+  std::vector<half> values_;
+  int width_;
+  int x0_;
+  int y0_;
+};
+
 /// Copies the parts that are made from one part of the original, which is read once: some rows for all of
 /// them, then the next ones.
 void CopyRows(Imf::MultiPartInputFile& file, int from, const std::vector<PartPlan>& parts,
@@ -144,7 +204,15 @@ void CopyRows(Imf::MultiPartInputFile& file, int from, const std::vector<PartPla
     for (size_t i = 0; i < parts.size(); ++i) {
       if (parts[i].from != from) continue;
       Imf::FrameBuffer some;
-      for (const auto& [original, name] : parts[i].channels) some.insert(name, *all.findSlice(original));
+      std::deque<HalfRows> halves;
+      for (const auto& [original, name] : parts[i].channels) {
+        if (parts[i].header.channels().findChannel(name)->type == Imf::HALF) {
+          halves.emplace_back(image.Get(original), window.min.x, y);
+          some.insert(name, halves.back().slice());
+        } else {
+          some.insert(name, *all.findSlice(original));
+        }
+      }
       outputs[i].setFrameBuffer(some);
       outputs[i].writePixels(rows);
     }

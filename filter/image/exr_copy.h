@@ -17,6 +17,9 @@ struct ExrCopyOptions {
   /// Each layer becomes a part of that name, with the channels R, G, B or X, Y, Z; the picture itself is the
   /// part "rgba".
   bool layers_as_parts = false;
+  /// Only what compositors use: the picture, albedo, emission and normals in halves, depth and numbers of
+  /// objects in floats, and Cryptomatte. Light beyond the largest half (65504) becomes that.
+  bool is_lean = false;
   /// Added to those of the file, or in their place.
   std::map<std::string, std::string> texts = {};
   std::map<std::string, float> numbers = {};

@@ -10,6 +10,7 @@
 #include <array>
 #include <cerrno>
 #include <memory>
+#include <string_view>
 #include <system_error>
 
 #include "absl/cleanup/cleanup.h"
@@ -81,7 +82,30 @@ absl::StatusOr<std::string> FindByHash(const SSL* connection, const std::string&
   return absl::UnauthenticatedError("its authority is not that of the code");
 }
 
+/// What a client of HTTP/2 sends first: the preface of RFC 9113 and empty settings.
+constexpr std::string_view kHttp2Hello("PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0", 33);
+/// The type of a frame with settings, which answers it, and where it is in a frame.
+constexpr char kSettings = 4;
+constexpr size_t kTypeOfFrame = 3;
+
+bool SpeaksHttp2(const std::string& address, absl::Duration timeout) {
+  const absl::StatusOr<int> handle = Connect(address, timeout);
+  if (!handle.ok()) return false;
+  const absl::Cleanup close_handle = [file = *handle] { close(file); };
+  std::array<char, kTypeOfFrame + 1> frame{};
+  return send(*handle, kHttp2Hello.data(), kHttp2Hello.size(), MSG_NOSIGNAL) ==
+             static_cast<ssize_t>(kHttp2Hello.size()) &&
+         recv(*handle, frame.data(), frame.size(), MSG_WAITALL) == static_cast<ssize_t>(frame.size()) &&
+         frame[kTypeOfFrame] == kSettings;
+}
+
 }  // namespace
+
+std::optional<bool> IsEncrypted(const std::string& address, absl::Duration timeout) {
+  // It shows its certificates, none of which has this hash.
+  if (absl::IsUnauthenticated(FetchPinnedCa(address, /*ca_sha256=*/"", timeout).status())) return true;
+  return SpeaksHttp2(address, timeout) ? std::optional<bool>(false) : std::nullopt;
+}
 
 absl::StatusOr<std::string> FetchPinnedCa(const std::string& address, const std::string& ca_sha256,
                                           absl::Duration timeout) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -15,5 +16,9 @@ namespace lumifold::identity {
 /// kUnauthenticated where its authority is another.
 absl::StatusOr<std::string> FetchPinnedCa(const std::string& address, const std::string& ca_sha256,
                                           absl::Duration timeout);
+
+/// Whether what listens at HOST:PORT is encrypted: it makes a TLS handshake, or answers the beginning of
+/// HTTP/2 in plain text. For the words of an error: nothing is verified. nullopt: neither within `timeout`.
+std::optional<bool> IsEncrypted(const std::string& address, absl::Duration timeout);
 
 }  // namespace lumifold::identity

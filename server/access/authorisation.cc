@@ -49,6 +49,7 @@ constexpr std::array kRules = {
     Rule{"/lumifold.v1.FarmService/GetLog", kReadersOfJobs},
     Rule{"/lumifold.v1.FarmService/GetPreview", kReadersOfJobs},
     Rule{"/lumifold.v1.FarmService/GetServerStatus", kReaders},
+    Rule{"/lumifold.v1.FarmService/GetUsage", kReadersOfJobs},
     Rule{"/lumifold.v1.FarmService/ListJobs", kReadersOfJobs},
     Rule{"/lumifold.v1.FarmService/ListWorkers", kReaders},
     Rule{"/lumifold.v1.FarmService/PauseJob", kOwners, kChanges},

@@ -19,6 +19,8 @@ struct AcceptedUnit {
   /// For the row of the job: its numeric class and the time of its first lease.
   std::string numeric_class;
   absl::Time started;
+  /// When it arrived, by the clock on the wall.
+  absl::Time accepted;
   /// Size of its record in the log; set when it is written.
   uint64_t record_bytes = 0;
 };

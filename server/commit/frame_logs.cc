@@ -26,7 +26,8 @@ ledger::UnitRecord RecordOf(const AcceptedUnit& unit, const std::string& log,
           .offset = place.offset,
           .length = place.length,
           .samples = unit.samples,
-          .bad_samples = unit.stored.stats.bad_samples()};
+          .bad_samples = unit.stored.stats.bad_samples(),
+          .cost = ledger::UnitCost{unit.accepted, unit.stored.stats.seconds()}};
 }
 
 /// Whether a unit's record has its pixels undamaged.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <set>
 #include <system_error>
 #include <utility>
@@ -130,8 +131,9 @@ class Recovery {
   absl::Status AddUnits(const JobId& job, const std::vector<int32_t>& finished) {
     const absl::StatusOr<ledger::JobRecord> record = store_.GetJob(job);
     if (!record.ok()) return record.status();
-    const absl::StatusOr<RestoredUnits> restored = RestoreUnits(folder_, store_, {job, owner_.epoch}, *record,
-                                                                finished, [](const ledger::UnitRecord&) {});
+    const absl::StatusOr<RestoredUnits> restored =
+        RestoreUnits(folder_, store_, {job, owner_.epoch}, *record, finished, std::nullopt,
+                     [](const ledger::UnitRecord&) {});
     if (!restored.ok()) return LeaveOut(restored.status());
     units_ += restored->recovered;
     return absl::OkStatus();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -21,8 +22,10 @@ constexpr size_t kMaxCommit = 1000;
 class LogTail {
  public:
   LogTail(const DataFolder& folder, ledger::JobStore& store, const ledger::OwnedJob& job,
-          const ledger::JobRecord& record, int32_t frame, std::string name)
+          const ledger::JobRecord& record, std::optional<absl::Time> now, int32_t frame, std::string name)
       : store_(store),
+        counted_(record.counted),
+        now_(now),
         units_(record.spec),
         frame_(frame),
         name_(std::move(name)),
@@ -72,6 +75,8 @@ class LogTail {
     record.length = place.length;
     record.samples = units_.is_adaptive() ? unit.stats.samples() : units_.CameraSamplesOf(key);
     record.bad_samples = unit.stats.bad_samples();
+    if (now_.has_value() && unit.attempt >= counted_)
+      record.cost = ledger::UnitCost{*now_, unit.stats.seconds()};
     commit_.warnings.insert(commit_.warnings.end(), unit.stats.warnings().begin(),
                             unit.stats.warnings().end());
     return commit_.units.size() < kMaxCommit ? absl::OkStatus() : Flush(visit);
@@ -90,6 +95,8 @@ class LogTail {
   }
 
   ledger::JobStore& store_;
+  const job::Attempt counted_;
+  const std::optional<absl::Time> now_;
   const job::FrameUnits units_;
   const int32_t frame_;
   const std::string name_;
@@ -104,6 +111,7 @@ class LogTail {
 absl::StatusOr<RestoredUnits> RestoreUnits(const DataFolder& folder, ledger::JobStore& store,
                                            const ledger::OwnedJob& job, const ledger::JobRecord& record,
                                            const std::vector<int32_t>& finished,
+                                           std::optional<absl::Time> now,
                                            absl::FunctionRef<void(const ledger::UnitRecord&)> visit) {
   RestoredUnits restored;
   std::map<std::string, uint64_t> ends;  // of the committed records, by log
@@ -119,7 +127,7 @@ absl::StatusOr<RestoredUnits> RestoreUnits(const DataFolder& folder, ledger::Job
   for (const auto& [frame, name, bytes] : UnitLogsOf(folder, job.job)) {
     const uint64_t first = ends[name];
     if (bytes <= first || std::binary_search(finished.begin(), finished.end(), frame)) continue;
-    LogTail tail(folder, store, job, record, frame, name);
+    LogTail tail(folder, store, job, record, now, frame, name);
     const absl::StatusOr<uint64_t> end = tail.Commit(first, visit);
     if (!end.ok()) return end.status();
     restored.frames.insert(frame);

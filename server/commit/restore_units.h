@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <set>
 #include <vector>
 
@@ -25,12 +26,14 @@ struct RestoredUnits {
 /// Visits the committed units of a job's frames without a result, after it has committed what the unit logs
 /// have beyond the ledger: a coordinator that was killed between a sync and its commit, or a ledger that was
 /// rebuilt, leaves such records. A unit whose record is damaged is left out. `record` and `finished`, the
-/// frames with a result, are those of the ledger.
+/// frames with a result, are those of the ledger. `now` is when what they have cost counts, by
+/// the clock on the wall; nullopt: it does not count.
 /// Errors: those of the ledger; kUnavailable naming the log; kFailedPrecondition where another version wrote
 /// it.
 absl::StatusOr<RestoredUnits> RestoreUnits(const DataFolder& folder, ledger::JobStore& store,
                                            const ledger::OwnedJob& job, const ledger::JobRecord& record,
                                            const std::vector<int32_t>& finished,
+                                           std::optional<absl::Time> now,
                                            absl::FunctionRef<void(const ledger::UnitRecord&)> visit);
 
 }  // namespace lumifold::server

@@ -275,6 +275,8 @@ void Farm::CountCommitted(const AcceptedUnit& unit) {
   ++totals.units_committed;
   totals.samples_committed += unit.samples;
   const job::UnitRef& ref = unit.stored.unit;
+  history.AddUnit(unit.worker_name, ref.job, ref.key.frame, unit.accepted,
+                  absl::Seconds(unit.stored.stats.seconds()));
   ActiveJob* const active = jobs.FindActive(ref.job);
   if (active == nullptr) {  // the job ended while the unit was being committed
     EndingJob* const ending = jobs.FindEnding(ref.job);

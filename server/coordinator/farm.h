@@ -17,6 +17,7 @@
 #include "server/coordinator/loaded_job.h"
 #include "server/coordinator/resources.h"
 #include "server/coordinator/watchers.h"
+#include "server/coordinator/worker_history.h"
 #include "server/coordinator/worker_table.h"
 #include "server/job/dependencies.h"
 #include "server/scheduler/scheduler.h"
@@ -119,6 +120,7 @@ class Farm {
   SubmissionTable submissions;
   job::Dependencies dependencies;
   WorkerTable workers;
+  WorkerHistory history;
   FrameQueue frames;
   FinishLeases finish_leases;
   FrameLimit frame_limit;

@@ -114,7 +114,7 @@ class ReceivedResult final : public ResultUpload {
     if (block_bytes_.has_value() && !placed.ok()) {
       farm->frames.ComeBack(lease_.part, resources_->options.now());
     } else {
-      farm->frames.End(lease_.part, resources_->options.now());
+      farm->frames.End(lease_.part, resources_->options.now(), report_.core_seconds());
     }
     return resources_->NoteError(placed);
   }
@@ -206,6 +206,7 @@ absl::StatusOr<std::unique_ptr<ResultUpload>> FinishDelivery::Receive(
       block_bytes = FrameBlocks(spec).PictureBytes(lease->part.block);
     v1::FrameReport report;
     *report.mutable_times() = StoredTimes(announcement.times());
+    report.set_core_seconds(FrameFinishing::SumOf(report.times()));
     DueFrame due = {.job = lease->part.frame.first, .number = lease->part.frame.second};
     result = std::make_unique<ReceivedResult>(resources_, state_, finishing_, *std::move(lease),
                                               std::move(due), std::move(report), block_bytes,

@@ -37,6 +37,10 @@ void FrameFinishing::Join() {
   if (thread_.joinable()) thread_.join();
 }
 
+double FrameFinishing::SumOf(const v1::StageTimes& times) {
+  return times.assemble_seconds() + times.filter_seconds() + times.write_seconds();
+}
+
 void FrameFinishing::Run() {
   while (const std::optional<RunningFrame> frame = Next()) {
     Running& running = running_.emplace_back();
@@ -51,7 +55,7 @@ void FrameFinishing::Run() {
 void FrameFinishing::FinishFrame(const RunningFrame& frame) {
   FrameFinisher* const finisher = resources_->finisher;
   const DueFrame& due = frame.due;
-  const absl::StatusOr<v1::FrameReport> report =
+  absl::StatusOr<v1::FrameReport> report =
       due.round == DueFrame::kResult
           ? finisher->Finish(resources_->Owned(due.job), due.number, frame.threads, due.blocks.done)
           : finisher->Estimate(
@@ -59,6 +63,7 @@ void FrameFinishing::FinishFrame(const RunningFrame& frame) {
                 frame.threads);
   // Aborted: another coordinator has taken the job over, and finishes the frame.
   const bool is_dropped = absl::IsCancelled(report.status()) || absl::IsAborted(report.status());
+  if (report.ok()) report->set_core_seconds(due.blocks.seconds + frame.threads * SumOf(report->times()));
   if (!is_dropped) OnFinished(due, report);
   if (report.ok()) {
     for (const int block : due.blocks.done)
@@ -133,6 +138,7 @@ void FrameFinishing::OnFinished(DueFrame frame, const absl::StatusOr<v1::FrameRe
   if (IsWorthRetrying(report.status())) return RetryFrame(&*farm, std::move(frame), report.status());
   if (!report.ok()) return farm->FailFrame(frame.key(), std::string(report.status().message()));
   v1::FrameReport recorded = *report;
+  recorded.set_finished_unix_ms(absl::ToUnixMillis(resources_->options.wall_now()));
   recorded.mutable_times()->set_render_seconds(active->record.times.render_seconds());
   committer_->Write(
       [this, key = frame.key(), recorded] {

@@ -26,6 +26,8 @@ class FrameFinishing {
   void Join();
   /// A frame is finished, here or by a worker, or that has failed; it is still running in FrameQueue.
   void OnFinished(DueFrame frame, const absl::StatusOr<v1::FrameReport>& report);
+  /// Seconds of all stages of finishing.
+  static double SumOf(const v1::StageTimes& times);
 
  private:
   struct Running {

@@ -173,12 +173,13 @@ RunningFrame FrameQueue::Take(const FramePart& part, absl::Time now) {
   return frame;
 }
 
-void FrameQueue::End(const FramePart& part, absl::Time now) {
+void FrameQueue::End(const FramePart& part, absl::Time now, double block_seconds) {
   const RunningFrame ended = Take(part, now);
   const auto frame = FindWaiting(part.frame);
   if (part.block == FramePart::kWhole || ended.is_stale || frame == waiting_.end()) return;
   --frame->blocks.running;
   frame->blocks.done.push_back(part.block);
+  frame->blocks.seconds += block_seconds;
 }
 
 void FrameQueue::ComeBack(const FramePart& part, absl::Time now) {

@@ -42,6 +42,8 @@ struct BlockProgress {
   int running = 0;
   /// Those whose picture is here.
   std::vector<int> done;
+  /// Seconds of one core that those took.
+  double seconds = 0;
   int failures = 0;
 
   bool IsOver() const { return waiting.empty() && running == 0; }
@@ -125,8 +127,8 @@ class FrameQueue {
   /// Of a frame that waits for its blocks `has_workers` says whether any worker could take one: then they
   /// wait for workers, otherwise for nothing.
   void OfferBlocks(absl::FunctionRef<bool(const DueFrame&)> has_workers);
-  /// Of what is running, as ComeBack. A block is done.
-  void End(const FramePart& part, absl::Time now);
+  /// Of what is running, as ComeBack. A block is done; it took so many seconds of one core.
+  void End(const FramePart& part, absl::Time now, double block_seconds = 0);
   /// Ends what a worker has not finished. A frame is queued again, for this coordinator; a block, for any
   /// worker.
   void ComeBack(const FramePart& part, absl::Time now);

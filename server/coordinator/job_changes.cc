@@ -191,8 +191,10 @@ absl::Status JobChanges::ChangeFiles(const JobId& job, const ReopenPlan& plan) {
   record->spec = plan.spec();
   *record->scheduling.mutable_gaps() = plan.gaps();
   if (absl::Status status = UnretireJob(folder, *record); !status.ok()) return status;
-  const ledger::Reopening reopening = {
-      .spec = plan.spec(), .scheduling = record->scheduling, .frames = plan.forgotten_frames()};
+  const ledger::Reopening reopening = {.spec = plan.spec(),
+                                       .scheduling = record->scheduling,
+                                       .frames = plan.forgotten_frames(),
+                                       .counted = FarmState::Change(state_)->scheduler.NextAttempt()};
   if (absl::Status status = resources_->store->ReopenFrames(job, resources_->owner, reopening); !status.ok())
     return status;
   resources_->log().info(

@@ -89,7 +89,7 @@ absl::Status JobLoader::LoadProgress(LoadedJob* loaded) {
   DigestReader digests(resources_->folder, loaded->record.scheduling.audit_share());
   absl::StatusOr<RestoredUnits> units =
       RestoreUnits(resources_->folder, *resources_->store, resources_->Owned(id), loaded->record, left_out,
-                   [&](const ledger::UnitRecord& unit) {
+                   resources_->options.wall_now(), [&](const ledger::UnitRecord& unit) {
                      loaded->units.push_back({unit.unit.key, unit.worker, digests.Of(unit)});
                    });
   if (!units.ok()) return units.status();

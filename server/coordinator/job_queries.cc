@@ -30,6 +30,8 @@ using job::JobId;
 namespace {
 
 constexpr size_t kMaxListedErrorBytes = 256;
+/// Jobs of one answer about usage, so that it fits a message.
+constexpr int kMaxUsageJobs = 10'000;
 /// Bytes of the events of one answer, and what each takes beside its text.
 constexpr size_t kMaxLogBytes = size_t{3} << 20;
 constexpr size_t kEventOverheadBytes = 16;
@@ -120,6 +122,7 @@ absl::Status JobQueries::AddListed(const ledger::JobPage& page, const v1::ListJo
     if (!states.empty() && std::find(states.begin(), states.end(), status.state()) == states.end()) return;
     // A thousand jobs must fit a message: what may be long is in GetJob.
     status.clear_warnings();
+    status.clear_settings();
     status.mutable_scheduling()->mutable_gaps()->clear_skipped();
     status.set_error(rpc::BoundedLine(status.error(), kMaxListedErrorBytes));
     *response->add_jobs() = std::move(status);
@@ -142,15 +145,15 @@ absl::Status JobQueries::AddListed(const ledger::JobPage& page, const v1::ListJo
   return absl::OkStatus();
 }
 
-absl::StatusOr<v1::JobSpec> JobQueries::SpecOf(const JobId& job) {
+absl::StatusOr<v1::Plan> JobQueries::PlanOf(const JobId& job) {
   {
     FarmState::View farm(state_);
     if (const ActiveJob* const active = farm->jobs.FindActive(job); active != nullptr)
-      return active->record.spec;
+      return active->record.spec.plan();
   }
   const absl::StatusOr<ledger::JobRecord> record = resources_->store->GetJob(job);
   if (!record.ok()) return record.status();
-  return record->spec;
+  return record->spec.plan();
 }
 
 absl::StatusOr<v1::ExplainJobResponse> JobQueries::ExplainJob(const std::string& job_id) {
@@ -159,12 +162,9 @@ absl::StatusOr<v1::ExplainJobResponse> JobQueries::ExplainJob(const std::string&
   if (!status.ok()) return status.status();
   v1::ExplainJobResponse response;
   *response.mutable_status() = *status;
-  absl::StatusOr<v1::JobSpec> spec = SpecOf(job);
-  if (!spec.ok()) return spec.status();
-  if (spec->plan().decisions_size() > 0) *response.mutable_plan() = spec->plan();
-  spec->clear_plan();
-  spec->mutable_scene()->clear_dependencies();
-  *response.mutable_spec() = *std::move(spec);
+  const absl::StatusOr<v1::Plan> plan = PlanOf(job);
+  if (!plan.ok()) return plan.status();
+  if (plan->decisions_size() > 0) *response.mutable_plan() = *plan;
   if (status->state() == v1::JOB_STATE_FAILED) AddReason("failed", status->error(), &response);
   if (status->state() == v1::JOB_STATE_CANCELLED) AddReason("cancelled", "the job was cancelled", &response);
   if (status->frames_skipped() > 0) {
@@ -263,6 +263,29 @@ absl::StatusOr<v1::ServerStatus> JobQueries::GetServerStatus() {
     demand.Add(active.record.scheduling, farm->scheduler.jobs().Progress(id));
   demand.AddTo(&status);
   return status;
+}
+
+absl::StatusOr<v1::GetUsageResponse> JobQueries::GetUsage(const v1::GetUsageRequest& request) {
+  const absl::Time tomorrow = resources_->options.wall_now() + absl::Hours(24);
+  const absl::StatusOr<std::vector<ledger::JobUsage>> usage = resources_->store->Usage(
+      {.since = absl::FromUnixMillis(request.since_unix_ms()),
+       .until = request.until_unix_ms() > 0 ? absl::FromUnixMillis(request.until_unix_ms()) : tomorrow,
+       .user = request.user(),
+       .limit = kMaxUsageJobs + 1});
+  if (!usage.ok()) return usage.status();
+  v1::GetUsageResponse response;
+  for (const ledger::JobUsage& of_job : *usage) {
+    response.set_is_cut(response.jobs_size() == kMaxUsageJobs);
+    if (response.is_cut()) break;
+    v1::JobUsage* const job = response.add_jobs();
+    job->set_job_id(of_job.job.value());
+    job->set_user(of_job.user);
+    job->set_units(of_job.work.units);
+    job->set_render_seconds(of_job.work.render_seconds);
+    job->set_frames(of_job.work.frames);
+    job->set_finish_seconds(of_job.work.finish_seconds);
+  }
+  return response;
 }
 
 absl::StatusOr<v1::GetLogResponse> JobQueries::GetLog(const v1::GetLogRequest& request) {

@@ -24,6 +24,7 @@ class JobQueries final : public JobApi {
   absl::Status Watch(const std::string& job_id, JobWatcher* watcher) override;
   void Unwatch(JobWatcher* watcher) override;
   absl::StatusOr<v1::ServerStatus> GetServerStatus() override;
+  absl::StatusOr<v1::GetUsageResponse> GetUsage(const v1::GetUsageRequest& request) override;
   absl::StatusOr<v1::GetLogResponse> GetLog(const v1::GetLogRequest& request) override;
 
   /// Committed units of a job, for previews of one of its frames. Errors: those of GetPreview about the job
@@ -41,7 +42,7 @@ class JobQueries final : public JobApi {
   absl::Status AddListed(const ledger::JobPage& page, const v1::ListJobsRequest& request,
                          v1::ListJobsResponse* response);
   /// The job's plan; without decisions if it has none. Errors: those of the ledger.
-  absl::StatusOr<v1::JobSpec> SpecOf(const job::JobId& job);
+  absl::StatusOr<v1::Plan> PlanOf(const job::JobId& job);
   /// Whether the frame's result is written. Errors: kNotFound; those of the ledger.
   absl::StatusOr<bool> IsFinished(const job::JobId& job, int32_t frame);
 

@@ -14,6 +14,30 @@
 #include "server/job/tile_grid.h"
 
 namespace lumifold::server {
+namespace {
+
+/// What JobStatus::settings has of a spec.
+v1::JobSpec SettingsOf(const v1::JobSpec& spec) {
+  v1::JobSpec settings;
+  settings.set_camera(spec.camera());
+  settings.set_seed(spec.seed());
+  settings.set_max_bounces(spec.max_bounces());
+  *settings.mutable_filter() = spec.filter();
+  settings.set_save_film(spec.save_film());
+  if (spec.has_environment()) *settings.mutable_environment() = spec.environment();
+  if (spec.has_lens()) *settings.mutable_lens() = spec.lens();
+  settings.set_frames_per_second(spec.frames_per_second());
+  if (spec.has_crop()) *settings.mutable_crop() = spec.crop();
+  if (spec.has_pixel_filter()) *settings.mutable_pixel_filter() = spec.pixel_filter();
+  settings.set_cryptomatte(spec.cryptomatte());
+  settings.set_animation(spec.animation());
+  settings.set_variant(spec.variant());
+  settings.set_keep_dark(spec.keep_dark());
+  *settings.mutable_planning() = spec.planning();
+  return settings;
+}
+
+}  // namespace
 
 v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
   const v1::JobSpec& spec = record.spec;
@@ -62,6 +86,7 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
   status.set_first_frame(spec.first_frame());
   status.set_frame_count(spec.frame_count());
   *status.mutable_more_frames() = spec.more_frames();
+  *status.mutable_settings() = SettingsOf(spec);
   return status;
 }
 

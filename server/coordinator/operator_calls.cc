@@ -3,6 +3,7 @@
 #include <spdlog/logger.h>
 
 #include <algorithm>
+#include <deque>
 #include <limits>
 #include <optional>
 #include <set>
@@ -85,6 +86,31 @@ absl::StatusOr<NamedWorkers> FindWorkers(const Farm& farm, const std::string& wo
   }
   const std::string name = logging::OneWord(worker);
   return NamedWorkers{name, farm.scheduler.workers().Named(name)};
+}
+
+/// Adds the workers that a request means, with their history; one that is not connected if it has any.
+void AddWithHistory(const Farm& farm, const NamedWorkers& named, v1::ListWorkersResponse* response) {
+  for (const WorkerId worker : named.connected)
+    *response->add_workers() = StatusOf(farm, *farm.scheduler.workers().Describe(worker));
+  const std::deque<FrameOfWorker> frames = farm.history.Of(named.name);
+  if (named.connected.empty()) {
+    for (const scheduler::BlockedWorker& blocked : farm.scheduler.workers().Blocked()) {
+      if (blocked.name == named.name) *response->add_workers() = GoneWorker(blocked.name, blocked.reason);
+    }
+    if (response->workers_size() == 0 && !frames.empty())
+      *response->add_workers() = GoneWorker(named.name, "not connected");
+  }
+  if (response->workers_size() == 0) return;
+  for (const FrameOfWorker& frame : frames) {
+    v1::FrameOfWorker* const past = response->mutable_workers(0)->add_history();
+    past->set_job_id(frame.job.value());
+    past->set_frame(frame.frame);
+    past->set_first_unix_ms(absl::ToUnixMillis(frame.first));
+    past->set_last_unix_ms(absl::ToUnixMillis(frame.last));
+    past->set_units(frame.units);
+    past->set_seconds(absl::ToDoubleSeconds(frame.rendering));
+    past->set_failed(frame.failed);
+  }
 }
 
 /// Adds up to `limit` connected workers after this one: those that render `job`, all if it is empty.
@@ -195,6 +221,12 @@ absl::StatusOr<v1::ListWorkersResponse> OperatorCalls::ListWorkers(const v1::Lis
   const absl::StatusOr<int> limit = LimitOf(request.limit());
   if (!limit.ok()) return limit.status();
   v1::ListWorkersResponse response;
+  if (!request.worker().empty()) {
+    FarmState::View farm(state_);
+    const absl::StatusOr<NamedWorkers> named = FindWorkers(*farm, request.worker());
+    if (named.ok()) AddWithHistory(*farm, *named, &response);
+    return response;
+  }
   absl::string_view token = request.page_token();
   WorkerId after(std::numeric_limits<int64_t>::max());  // all connected workers are on pages before
   std::string blocked_after;

@@ -77,6 +77,7 @@ class JobApi {
   /// After it returns the watcher is not called again. No effect on a watcher that does not watch.
   virtual void Unwatch(JobWatcher* watcher) = 0;
   virtual absl::StatusOr<v1::ServerStatus> GetServerStatus() = 0;
+  virtual absl::StatusOr<v1::GetUsageResponse> GetUsage(const v1::GetUsageRequest& request) = 0;
   virtual absl::StatusOr<v1::GetLogResponse> GetLog(const v1::GetLogRequest& request) = 0;
 };
 

@@ -170,7 +170,8 @@ void WorkerCalls::Deliver(WorkerId worker, film::EncodedUnit unit) {
                        .worker_name = farm->workers.Find(worker)->name,
                        .samples = samples,
                        .numeric_class = farm->scheduler.jobs().NumericClassOf(job),
-                       .started = farm->jobs.FindActive(job)->record.started});
+                       .started = farm->jobs.FindActive(job)->record.started,
+                       .accepted = resources_->options.wall_now()});
 }
 
 void WorkerCalls::Dismiss(WorkerId worker, const UnitRef& unit, Attempt attempt) {
@@ -196,7 +197,10 @@ void WorkerCalls::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt
                            const scheduler::UnitFailure& failure) {
   if (IsOfFinishing(unit.key.kind)) return finishing_.TakeBack(worker, unit, attempt, failure.error);
   FarmState::Change farm(state_);
-  farm->scheduler.units().Fail(worker, unit, attempt, failure, resources_->options.now());
+  const bool has_failed =
+      farm->scheduler.units().Fail(worker, unit, attempt, failure, resources_->options.now());
+  if (const ConnectedWorker* const found = farm->workers.Find(worker); has_failed && found != nullptr)
+    farm->history.AddFailure(found->name, unit.job, unit.key.frame, resources_->options.wall_now());
   resources_->log().warn("event=unit_failed unit={} worker={} permanent={} out_of_memory={} error={}",
                          logging::Quoted(Describe(unit)), farm->workers.NameOf(worker), failure.permanent,
                          failure.out_of_memory, logging::Quoted(failure.error));

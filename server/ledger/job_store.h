@@ -54,6 +54,8 @@ struct JobRecord {
   /// Time of the first lease; InfinitePast until a unit of the job is committed.
   absl::Time started = absl::InfinitePast();
   WorkDone done;
+  /// Of a job that was reopened: what earlier attempts have cost is counted.
+  job::Attempt counted = {};
   v1::StageTimes times;
   /// The largest of those frames that were estimated.
   std::optional<double> estimated_error = {};
@@ -106,6 +108,42 @@ struct Reopening {
   v1::Scheduling scheduling;
   /// Frames that are not recorded and have no units.
   std::vector<int32_t> frames;
+  /// What earlier attempts have cost is counted.
+  job::Attempt counted = {};
+};
+
+/// Work that was committed: units rendered, and frames finished.
+struct Work {
+  int64_t units = 0;
+  /// Seconds of one core.
+  double render_seconds = 0;
+  int64_t frames = 0;
+  double finish_seconds = 0;
+};
+
+/// What was spent on a job, which may be deleted.
+struct JobUsage {
+  job::JobId job;
+  std::string user;
+  Work work;
+};
+
+/// Days for which usage is kept after its day.
+inline constexpr int64_t kUsageDays = 400;
+
+/// Work of whole days, UTC: from that of `since` to before that of `until`.
+struct UsageFilter {
+  absl::Time since;
+  absl::Time until;
+  /// Empty: all.
+  std::string user = {};
+  int limit = 10'000;
+};
+
+/// When a unit was rendered, and the seconds of one core.
+struct UnitCost {
+  absl::Time at;
+  double seconds = 0;
 };
 
 /// A committed unit: who rendered it, the position of its record and its statistics.
@@ -120,6 +158,8 @@ struct UnitRecord {
   uint64_t length = 0;
   int64_t samples = 0;
   int64_t bad_samples = 0;
+  /// nullopt where it is counted already, as of units that a reopened job has kept. It is not read back.
+  std::optional<UnitCost> cost = {};
 };
 
 /// Units of one job that are committed together, and changes of the job's row.
@@ -218,6 +258,10 @@ class JobStore {
   virtual absl::Status DeleteJob(const job::JobId& job) = 0;
   /// Deletes at most `max_rows` rows of units that are no longer visited, and returns how many are left.
   virtual absl::StatusOr<int64_t> PurgeUnits(int64_t max_rows) = 0;
+
+  /// What was spent on jobs, the most first. Each committed unit and each recorded frame counts once, on the
+  /// day that it states, and stays when its job is deleted. Days older than kUsageDays are dropped.
+  virtual absl::StatusOr<std::vector<JobUsage>> Usage(const UsageFilter& filter) = 0;
 
   /// Records that a worker is blocked; a later reason replaces an earlier one.
   virtual absl::Status BlockWorker(const std::string& name, const std::string& reason) = 0;

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "server/job/limits.h"
 #include "server/ledger/sql_jobs.h"
+#include "server/ledger/sql_usage.h"
 
 namespace lumifold::ledger {
 namespace {
@@ -289,6 +290,23 @@ absl::Status CountJobs(SqlConnection& db, const std::vector<Plan>& plans) {
       batch);
 }
 
+/// What the units that are recorded have cost, by job and day.
+std::vector<WorkOfDay> WorkOf(const std::vector<Plan>& plans) {
+  std::map<std::pair<int64_t, int64_t>, Work> sums;
+  for (const Plan& plan : plans) {
+    if (!plan.outcome.ok()) continue;
+    for (const UnitRecord* unit : plan.units) {
+      if (!unit->cost.has_value()) continue;
+      Work& work = sums[{plan.job, DayOf(unit->cost->at)}];
+      ++work.units;
+      work.render_seconds += unit->cost->seconds;
+    }
+  }
+  std::vector<WorkOfDay> works;
+  for (const auto& [key, work] : sums) works.push_back({key.first, key.second, work});
+  return works;
+}
+
 }  // namespace
 
 absl::StatusOr<std::vector<absl::Status>> CommitJobs(SqlConnection& db, absl::Span<const JobCommit> commits) {
@@ -297,6 +315,7 @@ absl::StatusOr<std::vector<absl::Status>> CommitJobs(SqlConnection& db, absl::Sp
   if (absl::Status status = ChooseUnits(db, &*plans); !status.ok()) return status;
   if (absl::Status status = InsertUnits(db, *plans); !status.ok()) return status;
   if (absl::Status status = CountJobs(db, *plans); !status.ok()) return status;
+  if (absl::Status status = AddUsage(db, WorkOf(*plans)); !status.ok()) return status;
   std::vector<absl::Status> outcomes;
   for (Plan& plan : *plans) outcomes.push_back(std::move(plan.outcome));
   return outcomes;

@@ -10,6 +10,7 @@
 #include "server/ledger/sql_commit.h"
 #include "server/ledger/sql_jobs.h"
 #include "server/ledger/sql_rows.h"
+#include "server/ledger/sql_usage.h"
 
 namespace lumifold::ledger {
 namespace {
@@ -39,6 +40,7 @@ class SqlJobStore final : public JobStore {
   absl::Status SetPlan(const OwnedJob& job, const v1::JobSpec& planned) override;
   absl::Status DeleteJob(const JobId& job) override;
   absl::StatusOr<int64_t> PurgeUnits(int64_t max_rows) override;
+  absl::StatusOr<std::vector<JobUsage>> Usage(const UsageFilter& filter) override;
   absl::Status BlockWorker(const std::string& name, const std::string& reason) override;
   absl::Status ReadmitWorker(const std::string& name) override;
   absl::StatusOr<std::vector<BlockedWorker>> BlockedWorkers() override;
@@ -208,6 +210,11 @@ absl::StatusOr<int64_t> SqlJobStore::PurgeUnits(int64_t max_rows) {
   });
   if (!status.ok()) return status;
   return left;
+}
+
+absl::StatusOr<std::vector<JobUsage>> SqlJobStore::Usage(const UsageFilter& filter) {
+  absl::MutexLock lock(&reader_mutex_);
+  return QueryUsage(*reader_, filter);
 }
 
 absl::Status SqlJobStore::BlockWorker(const std::string& name, const std::string& reason) {

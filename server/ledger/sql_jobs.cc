@@ -18,7 +18,7 @@ constexpr char kColumns[] =
     "number, id, owner, epoch, state, error, numeric_class, submitted_ms, started_ms, units_done, "
     "samples_done, "
     "bad_samples, frames_done, render_seconds, assemble_seconds, filter_seconds, write_seconds, "
-    "warnings_left_out, estimated_error, "
+    "warnings_left_out, estimated_error, counted, "
     "scheduling, spec";
 
 void ReadColumns(SqlRow& row, JobRecord* job) {
@@ -39,6 +39,7 @@ void ReadColumns(SqlRow& row, JobRecord* job) {
   job->times.set_write_seconds(row.Real());
   job->warnings_left_out = row.Int();
   if (const double error = row.Real(); error > kNoError) job->estimated_error = error;
+  job->counted = job::Attempt(row.Int());
 }
 
 JobRow ReadJob(SqlRow& row, bool with_files) {

@@ -6,6 +6,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "server/ledger/sql_jobs.h"
+#include "server/ledger/sql_usage.h"
 
 namespace lumifold::ledger {
 namespace {
@@ -158,7 +159,7 @@ absl::Status ReopenJob(SqlConnection& db, int64_t job, const Owner& owner, const
   return db.Run(
       "UPDATE jobs SET state = $1, error = '', owner = $2, epoch = $3, spec = $4, files = $5, scheduling = "
       "$7,"
-      " user_name = $8,"
+      " user_name = $8, counted = $9,"
       " units_done = (SELECT COALESCE(SUM(units), 0) FROM films WHERE job = $6),"
       " samples_done = (SELECT COALESCE(SUM(samples), 0) FROM films WHERE job = $6),"
       " bad_samples = (SELECT COALESCE(SUM(films.bad_samples), 0) FROM films WHERE job = $6),"
@@ -167,7 +168,7 @@ absl::Status ReopenJob(SqlConnection& db, int64_t job, const Owner& owner, const
       " THEN numeric_class ELSE '' END WHERE number = $6",
       {int64_t{v1::JOB_STATE_SUBMITTED}, owner.name, owner.epoch.value(), SqlBytes{bytes.spec},
        SqlBytes{bytes.files}, job, SqlBytes{reopening.scheduling.SerializeAsString()},
-       reopening.scheduling.user()});
+       reopening.scheduling.user(), reopening.counted.value()});
 }
 
 absl::Status RemoveJob(SqlConnection& db, int64_t job) {
@@ -246,6 +247,7 @@ absl::Status FinishFilm(SqlConnection& db, int64_t job, int32_t frame, const v1:
   if (absl::Status status = AddGarbage(db, *film, units); !status.ok()) return status;
   const v1::StageTimes& times = report.times();
   const double error = report.has_estimated_error() ? report.estimated_error() : kNoError;
+  if (absl::Status status = AddFrameUsage(db, job, report); !status.ok()) return status;
   return db.Run(
       "UPDATE jobs SET frames_done = frames_done + 1,"
       " render_seconds = CASE WHEN render_seconds > $1 THEN render_seconds ELSE $1 END,"

@@ -11,7 +11,7 @@
 namespace lumifold::ledger {
 namespace {
 
-constexpr int64_t kSchemaVersion = 5;
+constexpr int64_t kSchemaVersion = 6;
 
 // Times are milliseconds since 1970; 0 means "not yet". A film is what is rendered of a frame: a frame that
 // is rendered again has a new film, and the units of the old one are garbage. The key of units has the order
@@ -43,6 +43,7 @@ CREATE TABLE jobs(
   write_seconds DOUBLE PRECISION NOT NULL DEFAULT 0,
   warnings_left_out BIGINT NOT NULL DEFAULT 0,
   estimated_error DOUBLE PRECISION NOT NULL DEFAULT {no_error},
+  counted BIGINT NOT NULL DEFAULT 0,
   scheduling {blob} NOT NULL,
   spec {blob} NOT NULL,
   files {blob} NOT NULL);
@@ -104,6 +105,19 @@ CREATE TABLE coordinators(
 CREATE INDEX jobs_by_epoch ON jobs(epoch);
 )";
 
+// What was spent: it names jobs that may be deleted.
+constexpr char kUsageSchema[] = R"(
+CREATE TABLE usage(
+  day BIGINT NOT NULL,
+  job TEXT NOT NULL,
+  user_name TEXT NOT NULL,
+  units BIGINT NOT NULL DEFAULT 0,
+  render_seconds DOUBLE PRECISION NOT NULL DEFAULT 0,
+  frames BIGINT NOT NULL DEFAULT 0,
+  finish_seconds DOUBLE PRECISION NOT NULL DEFAULT 0,
+  PRIMARY KEY(day, job));
+)";
+
 /// Maximum number of characters of a warning that is taken over: schema 1 had no limits.
 constexpr int kMaxTakenLine = 512;
 
@@ -153,11 +167,11 @@ DROP TABLE old_jobs;
 )";
 
 absl::Status CreateTables(SqlConnection& db) {
-  return db.RunScript(
-      absl::StrReplaceAll(absl::StrCat(kSchema, kRosterSchema), {{"{serial}", db.dialect().serial},
-                                                                 {"{blob}", db.dialect().blob},
-                                                                 {"{clustered}", db.dialect().clustered},
-                                                                 {"{no_error}", absl::StrCat(kNoError)}}));
+  return db.RunScript(absl::StrReplaceAll(absl::StrCat(kSchema, kRosterSchema, kUsageSchema),
+                                          {{"{serial}", db.dialect().serial},
+                                           {"{blob}", db.dialect().blob},
+                                           {"{clustered}", db.dialect().clustered},
+                                           {"{no_error}", absl::StrCat(kNoError)}}));
 }
 
 /// Divides the spec of an old job as CreateJob does. One that cannot be read stays as it is.
@@ -204,12 +218,14 @@ absl::Status Upgrade(SqlConnection& db) {
     status = CreateTables(db);
   } else if (*version == 1 || *version == 2) {
     status = TakeOver(db, *version);
-  } else if (*version == 3 || *version == 4) {
+  } else if (*version >= 3 && *version < kSchemaVersion) {
     if (*version == 3) {
       status = db.RunScript(absl::StrCat(
           "ALTER TABLE jobs ADD COLUMN estimated_error DOUBLE PRECISION NOT NULL DEFAULT ", kNoError));
     }
-    if (status.ok()) status = db.RunScript(kRosterSchema);
+    if (status.ok() && *version <= 4) status = db.RunScript(kRosterSchema);
+    if (status.ok()) status = db.RunScript("ALTER TABLE jobs ADD COLUMN counted BIGINT NOT NULL DEFAULT 0");
+    if (status.ok()) status = db.RunScript(kUsageSchema);
   } else {
     return absl::FailedPreconditionError(
         absl::StrCat("ledger: written by another version of Lumifold (schema ", *version, ", expected ",

@@ -63,10 +63,42 @@ std::string NextToken(const std::vector<ledger::Member>& members, ledger::Epoch 
   return next == members.end() ? "" : absl::StrCat(next->owner.epoch.value(), "/");
 }
 
-class FarmServiceAdapter final : public v1::FarmService::CallbackService {
+/// The calls that only give figures.
+class FiguresAdapter : public v1::FarmService::CallbackService {
  public:
-  explicit FarmServiceAdapter(const ServiceParts& parts)
+  explicit FiguresAdapter(const ServiceParts& parts)
       : parts_(parts), gate_(parts.gate, v1::FarmService::service_full_name()), job_access_(parts.jobs) {}
+
+  grpc::ServerUnaryReactor* GetServerStatus(grpc::CallbackServerContext* context,
+                                            const v1::GetServerStatusRequest*,
+                                            v1::ServerStatus* response) override {
+    return Answer(context, gate_.Admit(context, "GetServerStatus", ""), response,
+                  [&](const CallGate::Call&) -> absl::StatusOr<v1::ServerStatus> {
+                    absl::StatusOr<v1::ServerStatus> status = parts_.jobs->GetServerStatus();
+                    if (status.ok()) AddMembers(parts_.peers->Members(), &*status);
+                    return status;
+                  });
+  }
+  grpc::ServerUnaryReactor* GetUsage(grpc::CallbackServerContext* context, const v1::GetUsageRequest* request,
+                                     v1::GetUsageResponse* response) override {
+    return Answer(context, gate_.Admit(context, "GetUsage", ""), response,
+                  [&](const CallGate::Call& call) -> absl::StatusOr<v1::GetUsageResponse> {
+                    const std::optional<v1::GetUsageRequest> own =
+                        job_access_.Restrict(call.caller(), *request);
+                    if (!own.has_value()) return v1::GetUsageResponse();
+                    return parts_.jobs->GetUsage(*own);
+                  });
+  }
+
+ protected:
+  const ServiceParts parts_;
+  const ServiceGate gate_;
+  const JobAccess job_access_;
+};
+
+class FarmServiceAdapter final : public FiguresAdapter {
+ public:
+  using FiguresAdapter::FiguresAdapter;
 
   grpc::ServerUnaryReactor* FindMissingAssets(grpc::CallbackServerContext* context,
                                               const v1::FindMissingAssetsRequest* request,
@@ -170,16 +202,6 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
             done(v1::DeleteJobResponse());
           });
         });
-  }
-  grpc::ServerUnaryReactor* GetServerStatus(grpc::CallbackServerContext* context,
-                                            const v1::GetServerStatusRequest*,
-                                            v1::ServerStatus* response) override {
-    return Answer(context, gate_.Admit(context, "GetServerStatus", ""), response,
-                  [&](const CallGate::Call&) -> absl::StatusOr<v1::ServerStatus> {
-                    absl::StatusOr<v1::ServerStatus> status = parts_.jobs->GetServerStatus();
-                    if (status.ok()) AddMembers(parts_.peers->Members(), &*status);
-                    return status;
-                  });
   }
   grpc::ServerUnaryReactor* PauseJob(grpc::CallbackServerContext* context, const v1::PauseJobRequest* request,
                                      v1::JobStatus* response) override {
@@ -430,10 +452,6 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
           done(std::move(submitted));
         });
   }
-
-  const ServiceParts parts_;
-  const ServiceGate gate_;
-  const JobAccess job_access_;
 };
 
 }  // namespace

@@ -9,6 +9,17 @@
 #include "server/coordinator/roles.h"
 
 namespace lumifold::server {
+namespace {
+
+template <typename Request>
+std::optional<Request> OfCaller(const access::Identity& caller, Request request) {
+  if (access::ReachesAllJobs(caller)) return request;
+  if (!request.user().empty() && request.user() != caller.name) return std::nullopt;
+  request.set_user(caller.name);
+  return request;
+}
+
+}  // namespace
 
 absl::Status JobAccess::Check(const access::Identity& caller, const std::string& job_id) const {
   if (access::ReachesAllJobs(caller)) return absl::OkStatus();
@@ -43,11 +54,12 @@ absl::StatusOr<v1::SubmitJobRequest> JobAccess::Claim(const access::Identity& ca
 
 std::optional<v1::ListJobsRequest> JobAccess::Restrict(const access::Identity& caller,
                                                        const v1::ListJobsRequest& request) const {
-  v1::ListJobsRequest restricted = request;
-  if (access::ReachesAllJobs(caller)) return restricted;
-  if (!request.user().empty() && request.user() != caller.name) return std::nullopt;
-  restricted.set_user(caller.name);
-  return restricted;
+  return OfCaller(caller, request);
+}
+
+std::optional<v1::GetUsageRequest> JobAccess::Restrict(const access::Identity& caller,
+                                                       const v1::GetUsageRequest& request) const {
+  return OfCaller(caller, request);
 }
 
 absl::Status JobAccess::CheckLog(const access::Identity& caller, const v1::GetLogRequest& request) const {
@@ -68,6 +80,10 @@ v1::ListWorkersResponse JobAccess::Shown(const access::Identity& caller,
       if (Check(caller, job).ok()) own.add_job_ids(job);
     }
     worker.mutable_job_ids()->Swap(own.mutable_job_ids());
+    for (const v1::FrameOfWorker& frame : worker.history()) {
+      if (Check(caller, frame.job_id()).ok()) *own.add_history() = frame;
+    }
+    worker.mutable_history()->Swap(own.mutable_history());
   }
   return workers;
 }

@@ -27,9 +27,11 @@ class JobAccess {
   /// the caller does not have.
   absl::StatusOr<v1::SubmitJobRequest> Claim(const access::Identity& caller,
                                              const v1::SubmitJobRequest& request) const;
-  /// The request for jobs of the caller; nullopt where it asks for those of others only.
+  /// The request for jobs, or usage, of the caller; nullopt where it asks for those of others only.
   std::optional<v1::ListJobsRequest> Restrict(const access::Identity& caller,
                                               const v1::ListJobsRequest& request) const;
+  std::optional<v1::GetUsageRequest> Restrict(const access::Identity& caller,
+                                              const v1::GetUsageRequest& request) const;
   /// Errors: kPermissionDenied for the log of a worker, which names jobs of others; those of Check.
   absl::Status CheckLog(const access::Identity& caller, const v1::GetLogRequest& request) const;
   /// Removes what the caller may not know: jobs of others, and reasons, which may name them.

@@ -10,6 +10,9 @@
 namespace lumifold::server {
 namespace {
 
+/// Longest time of a unit that is believed, as a worker says it: a year.
+constexpr double kMaxUnitSeconds = 366.0 * 24 * 3600;
+
 /// The statistics that are stored: the text of a worker is bounded, and fields that are not known are
 /// dropped.
 v1::UnitStats StoredStats(const v1::UnitStats& delivered) {
@@ -17,7 +20,8 @@ v1::UnitStats StoredStats(const v1::UnitStats& delivered) {
   stats.set_samples(delivered.samples());
   stats.set_bad_samples(delivered.bad_samples());
   stats.set_rays(delivered.rays());
-  stats.set_seconds(delivered.seconds());
+  const double seconds = delivered.seconds();
+  stats.set_seconds(seconds >= 0 && seconds <= kMaxUnitSeconds ? seconds : 0);
   for (std::string& line :
        rpc::BoundedLines(delivered.warnings(), rpc::kMaxUnitWarnings, rpc::kMaxWarningBytes))
     stats.add_warnings(std::move(line));

@@ -37,6 +37,8 @@ ALLOWED = {
     "room": (3, 3.5),
     "textures": (2.4, 7),
     "surfaces": (3, 7),
+    "mixtures": (1.3, 2.2),
+    "procedural": (2.2, 7),
     "animation": (1.3, 1.9),
     "pictures": (1.3, 9.5),
 }
@@ -104,7 +106,8 @@ class Pictures(BlenderTest):
         scenes = [scene for scene in ALLOWED if scene != "light_of_4_5" or blender.version() >= (4, 5)]
         samples = [FEW_SAMPLES if ALLOWED[scene][1] > 1 else SAMPLES for scene in scenes]
         folders = self.render_each(
-            *((scene, {"settings": {"samples": n}, "cycles": n}) for scene, n in zip(scenes, samples)))
+            *((scene, {"settings": {"samples": n, "bake_resolution": 512}, "cycles": n})
+              for scene, n in zip(scenes, samples)))
         for scene, folder in zip(scenes, folders):
             with self.subTest(scene):
                 self.check(scene, folder)
@@ -250,6 +253,42 @@ class FramesAtAFarm(FarmTest):
         self.assertIn("no range of frames", self.submit(frames="5-1")["submitted"])
         self.assertIn("Frame 1: ", report := self.submit(frames="1-3", server="127.0.0.1:1")["submitted"])
         self.assertIn("cannot reach the coordinator", report)
+
+
+class WithoutAWindow(BlenderTest):
+    def test_losses_and_progress_are_printed(self):
+        command = self.command(("surfaces", self.folder, {"settings": {"samples": 8}}))
+        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=900)
+        lost = [line for line in done.stdout.splitlines() if line.startswith("Lumifold: not carried over: ")]
+        self.assertEqual([line.removeprefix("Lumifold: not carried over: ") for line in lost],
+                         json.loads((self.folder / "report.json").read_text())["losses"])
+        self.assertRegex(done.stdout, r"Lumifold \| \S.* \d+%")
+
+    def test_a_python_without_numpy_is_named(self):
+        code = ("import sys; sys.modules['numpy'] = None; sys.path.insert(0, sys.argv[-1])\n"
+                "import lumifold\ntry: lumifold.register()\nexcept ImportError as error: print('SAID', error)")
+        done = subprocess.run(blender.expression(code, ADDON),
+                              env=self.environment,
+                              capture_output=True,
+                              text=True,
+                              timeout=300)
+        self.assertIn("SAID Lumifold needs numpy in Blender's Python: install the Debian package python3-numpy",
+                      done.stdout + done.stderr)
+
+
+class Viewport(BlenderTest):
+    def test_pictures_become_finer_and_begin_anew(self):
+        command = blender.command(HERE / "viewport.py", self.folder, options=WITH_ADDON)
+        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=900)
+        self.assertTrue((self.folder / "report.json").exists(), done.stdout + done.stderr)
+        report = json.loads((self.folder / "report.json").read_text())
+        self.assertEqual(report["first"], [[30, 40], [80, 106], [240, 320]], "coarse, then finer")
+        self.assertEqual(report["interrupted"][-1], [240, 320])
+        self.assertLess(len(report["interrupted"]), 6, "a view that was left is not rendered to its end")
+        self.assertLess(report["difference"], 0.02, "the same picture as that of a render")
+        self.assertEqual(report["repeated"], 0, "an unchanged view is not rendered again")
+        self.assertIn('no method is named "shiny"', report["error"])
+        self.assertEqual([path.name for path in (self.folder / "tmp").glob("lumifold*")], [], "left behind")
 
 
 class Errors(BlenderTest):

@@ -141,7 +141,7 @@ class Socket:
 
 
 def node(kind, outputs=(), inputs=(), **values):
-    made = types.SimpleNamespace(type=kind, bl_label=values.pop("label", kind), **values)
+    made = types.SimpleNamespace(type=kind, name=kind, bl_label=values.pop("label", kind), **values)
     made.inputs, made.outputs = list(inputs), list(outputs)
     for socket in (*made.inputs, *made.outputs):
         socket.node = made
@@ -197,6 +197,24 @@ def picture(name="bricks"):
                 extension="REPEAT")
 
 
+def diffuse(color):
+    return node("BSDF_DIFFUSE", [Socket("BSDF")], [Socket("Color", color), Socket("Normal")], label="Diffuse BSDF")
+
+
+def glossy(color):
+    return node("BSDF_GLOSSY", [Socket("BSDF")],
+                [Socket("Color", color), Socket("Roughness", 0.3), Socket("Normal")],
+                label="Glossy BSDF", distribution="GGX")
+
+
+def mixed(first, second, share, source=None):
+    return node("MIX_SHADER", [Socket("Shader")], [
+        Socket("Fac", share, source=source),
+        Socket("Shader", source=first.outputs[0]),
+        Socket("Shader_001", source=second.outputs[0])
+    ], label="Mix Shader")
+
+
 class Materials(unittest.TestCase):
     """Rules that hold in all versions, in the newest one."""
 
@@ -249,6 +267,75 @@ class Materials(unittest.TestCase):
         ])
         made = materials.translate(material(mix))
         self.assertEqual((made.alpha, made.metallic, made.losses), (0.25, 1, []))
+
+    def test_mixture_of_two_surfaces_is_one(self):
+        made = materials.translate(
+            material(mixed(diffuse((0.8, 0.4, 0.0, 1)), glossy((0.4, 0.0, 0.8, 1)), 0.25)))
+        self.assertEqual([round(channel, 6) for channel in made.base_color], [0.7, 0.3, 0.2], "the colours are added with their shares")
+        bright = [share * versions.luminance(color)
+                  for share, color in ((0.75, (0.8, 0.4, 0)), (0.25, (0.4, 0, 0.8)))]
+        self.assertAlmostEqual(made.metallic, bright[1] / sum(bright))
+        self.assertAlmostEqual(made.roughness, 0.3, msg="matt surfaces have no say about highlights")
+        self.assertEqual(made.alpha, 1)
+        self.assertEqual(made.losses[-1:],
+                         ["'Mix Shader' of 'Diffuse BSDF' and 'Glossy BSDF' (rendered as one surface)"])
+
+    def test_the_order_of_a_mixture_does_not_matter(self):
+        first, second = diffuse((0.8, 0.4, 0.0, 1)), principled(Metallic=1.0, Roughness=0.2, coat=0.5)
+        one, other = (materials.translate(material(made))
+                      for made in (mixed(first, second, 0.25), mixed(second, first, 0.75)))
+        for name in ("metallic", "roughness", "reflectance", "clearcoat", "alpha"):
+            self.assertAlmostEqual(getattr(one, name), getattr(other, name), msg=name)
+        for a, b in zip(one.base_color, other.base_color):
+            self.assertAlmostEqual(a, b)
+
+    def test_light_in_a_mixture_is_exact(self):
+        glow = node("EMISSION", [Socket("Emission")], [Socket("Color", (1, 0.5, 0, 1)), Socket("Strength", 4.0)])
+        made = materials.translate(material(mixed(diffuse((0.8, 0.4, 0.2, 1)), glow, 0.25)))
+        self.assertEqual([round(channel, 6) for channel in made.base_color], [0.6, 0.3, 0.15])
+        self.assertEqual((made.emission, made.emission_strength, made.losses), ((1, 0.5, 0), 1, []))
+        bricks = picture()
+        textured = node("BSDF_DIFFUSE", [Socket("BSDF")],
+                        [Socket("Color", (1, 1, 1, 1), source=bricks.outputs[0]), Socket("Normal")])
+        made = materials.translate(material(mixed(textured, glow, 0.25)))
+        self.assertEqual((made.base_color.image.name, made.base_color.factor, made.losses), ("bricks", 0.75, []))
+
+    def test_fresnel_over_a_base_is_its_highlight(self):
+        for kind, name, value, output in (("FRESNEL", "IOR", 2.0, "Fac"), ("LAYER_WEIGHT", "Blend", 0.5, "Fresnel")):
+            share = node(kind, [Socket(output)], [Socket(name, value)])
+            made = materials.translate(
+                material(mixed(diffuse((0.8, 0.4, 0.0, 1)), glossy((1, 1, 1, 1)), 0.5, share.outputs[0])))
+            self.assertAlmostEqual(made.reflectance, 1 / 9, msg=kind)
+            self.assertEqual((made.base_color, made.metallic, made.roughness, made.losses),
+                             ((0.8, 0.4, 0), 0, 0.3, []))
+
+    def test_transparent_by_any_order(self):
+        clear = node("BSDF_TRANSPARENT", [Socket("BSDF")], [Socket("Color", (1, 1, 1, 1))])
+        for shader in (mixed(clear, diffuse((0.8, 0.4, 0.2, 1)), 0.25),
+                       mixed(diffuse((0.8, 0.4, 0.2, 1)), clear, 0.75)):
+            made = materials.translate(material(shader))
+            self.assertEqual([round(channel, 6) for channel in made.base_color], [0.8, 0.4, 0.2])
+            self.assertEqual((made.alpha, made.losses), (0.25, []))
+
+    def test_colours_of_vertices(self):
+        paint = node("VERTEX_COLOR", [Socket("Color"), Socket("Alpha")], layer_name="paint")
+        made = materials.translate(material(principled({"Base Color": paint.outputs[0]})))
+        self.assertEqual((made.vertex_colors, made.base_color, made.losses), ("paint", (1, 1, 1), []))
+        bricks = picture()
+        product = node("MIX", [Socket("Result_Color")], [
+            Socket("Factor_Float", 1.0),
+            Socket("A_Color", (1, 1, 1, 1), source=bricks.outputs[0]),
+            Socket("B_Color", (1, 1, 1, 1), source=paint.outputs[0])
+        ], blend_type="MULTIPLY")
+        made = materials.translate(material(principled({"Base Color": product.outputs[0]})))
+        self.assertEqual((made.vertex_colors, made.base_color.image.name, made.losses), ("paint", "bricks", []))
+
+    def test_a_volume_alone_is_invisible(self):
+        fog = material(principled(), Volume=Socket("Volume"))
+        output = fog.node_tree.nodes[0]
+        output.inputs[0].links, output.inputs[0].is_linked = [], False
+        made = materials.translate(fog)
+        self.assertEqual((made.alpha, made.losses), (0, ["volume without a surface (not rendered)"]))
 
     def test_ior_of_a_reflectance(self):
         self.assertAlmostEqual(materials.ior_of_reflectance(0.04), 1.5)
@@ -348,7 +435,7 @@ def scene(*objects, **render):
                                  camera=camera,
                                  world=None,
                                  render=types.SimpleNamespace(**{**plain, **render}),
-                                 lumifold=types.SimpleNamespace(soft_points=True))
+                                 lumifold=types.SimpleNamespace(soft_points=True, bake_resolution=0))
 
 
 def thing(kind, name, data=None, **values):

@@ -207,6 +207,68 @@ def surfaces():
     camera((0, -4, 1.8), (0, 0, 0.4), 45)
 
 
+def mixture(name, kind, parts, share=None):
+    """A material of two shaders, each (type, inputs), behind a 'Mix Shader' with a share or an 'Add
+    Shader'."""
+    made = shader(name, parts[0][0], **parts[0][1])
+    tree = made.node_tree
+    first, output = tree.nodes[0], next(one for one in tree.nodes if one.type == "OUTPUT_MATERIAL")
+    second, both = tree.nodes.new(parts[1][0]), tree.nodes.new(kind)
+    for key, value in parts[1][1].items():
+        input_of(second, key).default_value = value
+    if share is not None:
+        both.inputs["Fac"].default_value = share
+    for node, socket in zip((first, second), both.inputs[-2:]):
+        tree.links.new(node.outputs[0], socket)
+    tree.links.new(both.outputs[0], output.inputs["Surface"])
+    return made
+
+
+def mixtures():
+    """Two shaders at once, and colours of vertices."""
+    matt_red = ("ShaderNodeBsdfDiffuse", {"color": (0.7, 0.2, 0.1, 1)})
+    matt_blue = ("ShaderNodeBsdfDiffuse", {"color": (0.1, 0.3, 0.7, 1)})
+    glow = ("ShaderNodeEmission", {"color": (1, 0.6, 0.2, 1), "strength": 1.0})
+    kinds = (mixture("two colours", "ShaderNodeMixShader", (matt_red, matt_blue), 0.25),
+             mixture("half glow", "ShaderNodeMixShader", (matt_blue, glow), 0.4),
+             mixture("glow on top", "ShaderNodeAddShader", (matt_red, glow)))
+    for i, made in enumerate(kinds):
+        add("uv_sphere", made, True, radius=0.5, location=(1.2 * i - 1.2, 0, 0.5), segments=64, ring_count=32)
+    ground = add("plane", shader("ground", "ShaderNodeBsdfDiffuse"), size=6)
+    colors = ground.data.color_attributes.new("paint", "FLOAT_COLOR", "POINT")
+    for i, color in enumerate(((0.8, 0.2, 0.2, 1), (0.2, 0.8, 0.2, 1), (0.2, 0.2, 0.8, 1), (0.7, 0.7, 0.7, 1))):
+        colors.data[i].color = color
+    tree = ground.data.materials[0].node_tree
+    paint = tree.nodes.new("ShaderNodeVertexColor")
+    paint.layer_name = "paint"
+    tree.links.new(paint.outputs["Color"], tree.nodes[0].inputs["Color"])
+    light("AREA", 150, (0, -2, 4), shape="SQUARE", size=1.5)
+    color_world(0.2, 0.2, 0.2)
+    camera((0, -5, 2), (0, 0, 0.4), 42)
+
+
+def procedural():
+    """Textures that Cycles computes, as colours and as bumps."""
+    ground, ball = (shader(name, "ShaderNodeBsdfDiffuse") for name in ("ground", "ball"))
+    tree = ground.node_tree
+    checks = tree.nodes.new("ShaderNodeTexChecker")
+    checks.inputs["Scale"].default_value = 6
+    tree.links.new(checks.outputs["Color"], tree.nodes[0].inputs["Color"])
+    add("plane", ground, size=6)
+    tree = ball.node_tree
+    noise, bump, waves = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexNoise", "Bump", "TexWave"))
+    noise.inputs["Scale"].default_value = waves.inputs["Scale"].default_value = 2
+    bump.inputs["Strength"].default_value, bump.inputs["Distance"].default_value = 1, 0.1
+    tree.links.new(noise.outputs["Color"], tree.nodes[0].inputs["Color"])
+    tree.links.new(waves.outputs["Fac"], bump.inputs["Height"])
+    tree.links.new(bump.outputs[0], tree.nodes[0].inputs["Normal"])
+    for x in (-0.8, 0.8):
+        add("uv_sphere", ball, True, radius=0.7, location=(x, 0, 0.7), segments=64, ring_count=32)
+    light("AREA", 150, (0, -2, 4), shape="SQUARE", size=1.5)
+    color_world(0.2, 0.2, 0.2)
+    camera((0, -5, 2), (0, 0, 0.4), 42)
+
+
 def pictures():
     """Each input that may be a picture, on panels before a grey wall."""
     add("plane", matt("wall", 0.5, 0.5, 0.5), size=8, location=(0, 1, 0)).rotation_euler = (math.pi / 2, 0, 0)
@@ -276,5 +338,6 @@ def animation():
 
 SCENES = {
     made.__name__: made for made in (room, square_light, ellipse_light, point_light, sun_light, light_of_4_5,
-                                     world, textures, surfaces, animation, pictures)
+                                     world, textures, surfaces, mixtures, procedural, animation,
+                                     pictures)
 }

@@ -1,6 +1,7 @@
 """Completion and manual pages: made from what the commands say of themselves, and taken by the shells and by
 man."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -22,6 +23,7 @@ class Completion(harness.CliTest):
         script = 'source .script; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _lumifold; printf "%s\\n" "${COMPREPLY[@]}"'
         done = subprocess.run(["bash", "-euc", script, "bash", "lumifold", *words],
                               cwd=self.folder,
+                              env=self.environment | {"PATH": f"{harness.BIN_DIR}:{os.environ['PATH']}"},
                               text=True,
                               capture_output=True)
         self.assertEqual((done.returncode, done.stderr), (0, ""))
@@ -35,6 +37,15 @@ class Completion(harness.CliTest):
         self.assertEqual(self.complete("render", ""), {"room.glb", "a b.glb"})
         self.assertEqual(self.complete("render", "room.glb", "-o", "a"), {"a b.glb"})
         self.assertEqual(self.complete("render", "room.glb", "--size", ""), set(), "a size is no file")
+
+    def test_bash_offers_what_options_may_be(self):
+        self.assertEqual(self.complete("render", "room.glb", "--view", "a"), {"agx"})
+        self.assertLess({"default", "none"}, self.complete("render", "room.glb", "--method", ""))
+        self.assertEqual(self.complete("submit", "room.glb", "--pixel-filter", "g"), {"gaussian"})
+        self.assertEqual(self.complete("render", "room.glb", "--camera", ""), set(), "it is no scene")
+        harness.write_scene(self.folder)
+        self.assertEqual(self.complete("render", "room.gltf", "--camera", ""), {"camera0"})
+        self.assertEqual(self.complete("watch", ""), {"last"}, "without a farm")
 
     def test_each_shell_reads_its_script(self):
         for shell in ("bash", "zsh", "fish"):

@@ -124,6 +124,32 @@ class Jobs(FarmTest):
             rf"\Alumifold: frame 0 of job {job}: its SHA-256 is \w+, the coordinator states \w+\Z")
         self.assertNotIn("out.exr", "".join(self.files()))
 
+    def test_jobs_have_several_names(self):
+        settings = ("--size", "40x30", "--spp", "4", "--max-bounces", "3")
+        job = self.submit(*settings, "--name", "shot 7")
+        other = self.submit(*settings, "--name", "shot 8")
+        for name in (job, job[:-1], job[-7:], "shot 7"):
+            self.assertEqual(self.succeed_json("status", name)["job_id"], job, name)
+        status = self.succeed_json("status", "last")
+        self.assertEqual((status["job_id"], status["width"], status["samples_per_pixel"]), (other, 40, 4))
+        options = {"size": "40x30", "frames": "0", "spp": 4, "max-bounces": 3, "method": "default"}
+        self.assertEqual(status["options"] | options, status["options"])
+        self.assertIn("--max-bounces 3 --method default\n", self.succeed("status", "last"))
+        code, _, err = self.run_lumifold("cancel", "j-")
+        self.assertEqual((code, err), (2, f"lumifold: 'j-' means 2 jobs: {other}, {job}\n"))
+        self.succeed("cancel", "shot 8")
+        self.assertEqual(self.succeed_json("status", other)["state"], "cancelled")
+        self.assertNotEqual(self.succeed_json("status", job)["state"], "cancelled")
+
+    def test_what_a_worker_would_refuse_is_not_uploaded(self):
+        code, _, err = self.run_lumifold("submit", self.scene, "--camera", "top")
+        self.assertEqual((code, "no camera called 'top'" in err), (4, True), err)
+        scene = json.loads(self.scene.read_text()) | {"extensionsRequired": ["EXT_unheard_of"]}
+        self.scene.write_text(json.dumps(scene))
+        code, _, err = self.run_lumifold("submit", self.scene)
+        self.assertEqual((code, "EXT_unheard_of" in err), (1, True), err)
+        self.assertEqual(self.succeed("list", "--json"), "")
+
     def test_cancel(self):
         job = self.submit(*NO_END)  # no worker yet
         self.assertEqual(self.succeed_json("status", job)["state"], "submitted")
@@ -238,6 +264,29 @@ class Render(harness.CliTest):
         self.assertEqual(self.succeed_json("compare", "a.exr", "b.exr")["mse255"], 0)
         self.succeed("render", "room.gltf", "--size", "40x30", "--spp", "4", "--seed", "6", "-o", "c.exr")
         self.assertGreater(self.succeed_json("compare", "a.exr", "c.exr")["mse255"], 0)
+
+    def test_a_picture_is_lean_unless_it_is_to_be_compared(self):
+        settings = (self.scene, "--size", "64x48", "--spp", "4")
+        self.environment["LUMIFOLD_CONFIG"] = str(self.folder / "none.yaml")
+        layers = {}
+        for name, options in (("lean", ()), ("full", ("--exr", "full")), ("film", ("--save-film",)),
+                              ("equal", ("--reproducible",))):
+            path = self.folder / f"{name}.exr"
+            _, err = self.run_lumifold("render", *settings, *options, "-o", path)[1:]
+            self.assertNotIn("loading", err, "nothing is uploaded or downloaded")
+            layers[name] = set(self.succeed_json("info", path)["layers"])
+        self.assertEqual(layers["lean"], {"", "albedo", "emission", "N", "id"})
+        self.assertLess(layers["lean"] | {"noisy", "direct"}, layers["full"])
+        self.assertEqual(layers["equal"], layers["full"])
+        self.assertIn("noisy_a", layers["film"])
+        size = {name: (self.folder / f"{name}.exr").stat().st_size for name in ("lean", "full")}
+        self.assertLess(size["lean"], size["full"])
+
+    def test_a_picture_for_a_display_is_filtered_with_a_warning(self):
+        self.succeed("render", self.scene, "--size", "64x48", "--spp", "4", "-o", "noisy.png")
+        code, _, err = self.run_lumifold("filter", "noisy.png", "-o", "clean.exr")
+        self.assertEqual((code, "light brighter than white" in err), (0, True), err)
+        self.assertEqual([name for name in self.files() if "input" in name], [])
 
     def test_a_saved_film_is_filtered_again(self):
         self.succeed("render", "room.gltf", "--size", "40x30", "--spp", "4", "--save-film", "-o", "film.exr")

@@ -149,6 +149,7 @@ class NoServer(harness.CliTest):
             ("block", "w-1"),
             ("readmit", "w-1"),
             ("server-status",),
+            ("usage",),
             ("whoami",),
             ("invite", "ann"),
             ("identities",),

@@ -307,6 +307,9 @@ std::vector<std::string> Seeds() {
   retry.mutable_region()->set_x1(8);
   retry.mutable_region()->set_y1(8);
   seeds.push_back(Call("RetryJob", {retry.SerializeAsString()}));
+  retry.clear_region();
+  retry.set_skip(true);
+  seeds.push_back(Call("RetryJob", {retry.SerializeAsString()}));
   v1::AddSamplesRequest add;
   add.set_job_id(job);
   add.set_samples_per_pixel(20);
@@ -325,6 +328,10 @@ std::vector<std::string> Seeds() {
   v1::ListJobsRequest list;
   list.set_limit(10);
   seeds.push_back(Call("ListJobs", {list.SerializeAsString()}));
+  v1::GetUsageRequest usage;
+  usage.set_since_unix_ms(1);
+  usage.set_user("fuzz");
+  seeds.push_back(Call("GetUsage", {usage.SerializeAsString()}));
   return seeds;
 }
 

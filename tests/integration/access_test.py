@@ -319,6 +319,16 @@ class AccessTest(unittest.TestCase):
         for version in ("-tls1_2", "-tls1_3"):
             self.assertIn("Lumifold coordinator", self.farm.handshake(version).stdout, version)
 
+    def test_who_is_encrypted_and_who_is_not_is_said(self):
+        done = run("lumifold", "list", "--server", self.farm.address, check=False,
+                   env=os.environ | {"XDG_CONFIG_HOME": str(self.root / "empty")})
+        self.assertEqual((done.returncode, "is encrypted, and there is no profile for it" in done.stderr),
+                         (EXIT_UNREACHABLE, True), done.stderr)
+        with Farm(self.root / "plain") as plain:
+            done = run("lumifold", "list", "--server", plain.address, "--profile", "default", check=False)
+            self.assertEqual((done.returncode, "is not encrypted, but the profile" in done.stderr),
+                             (EXIT_UNREACHABLE, True), done.stderr)
+
     def test_garbage_does_no_harm(self):
         host, port = self.farm.address.split(":")
         for garbage in (b"\0" * 4096, b"GET / HTTP/1.1\r\n\r\n", os.urandom(65536),

@@ -5,6 +5,7 @@ Each picture is equal byte for byte to that of an undisturbed job.
 """
 
 import contextlib
+import json
 import os
 import pathlib
 import random
@@ -154,6 +155,30 @@ class LifeTest(unittest.TestCase):
             self.assertFalse((self.root / "gaps.3.exr").exists())
             farm.client("retry", job, "--frames", "4")
             self.assertEqual(farm.status(job)["skipped"], "3")
+
+    def test_usage_counts_once_and_outlives_jobs(self):
+        with self.farm(workers=2) as farm:
+            jobs = [self.submit(farm, "--user", user) for user in ("ann", "ben")]
+            self.kill_server_sometime(farm, 2)
+            for job in jobs:
+                farm.client("wait", job)
+
+            def usage():
+                lines = farm.client("usage", "--json").stdout.splitlines()
+                return {line["job_id"]: line for line in map(json.loads, lines)}
+
+            before = usage()
+            for job, user in zip(jobs, ("ann", "ben")):
+                status = farm.status(job)
+                self.assertEqual((before[job]["user"], before[job]["units"], before[job]["frames"]),
+                                 (user, status["units_done"], 1))
+                self.assertGreater(before[job]["render_core_seconds"], 0)
+                self.assertGreater(before[job]["finish_core_seconds"], 0)
+            farm.client("delete", jobs[0])
+            self.kill_server_sometime(farm, 4)
+            self.assertEqual(usage(), before)
+            self.assertIn("ann", farm.client("usage", "--since", "2026-01-01").stdout)
+            self.assertEqual(farm.client("usage", "--until", "2026-01-01", "--json").stdout, "")
 
     def test_jobs_wait_for_each_other_over_restarts(self):
         with self.farm(workers=0) as farm:

@@ -105,7 +105,8 @@ class HttpTest(PageCase):
         wait_until(lambda: self.api.ask("getJob", {"job_id": job})["state"] == "JOB_STATE_DONE", "done")
         self.expect_results(job)
         explained = self.api.ask("explainJob", {"job_id": job})
-        self.assertEqual((explained["spec"]["width"], explained["spec"]["filter"]["method"]), (48, "default"))
+        settings = explained["status"]["settings"]
+        self.assertEqual((settings["max_bounces"], settings["filter"]["method"]), (2, "default"))
         self.assertEqual([each["job_id"] for each in self.api.ask("listJobs", {"user": "ann"})["jobs"]], [job])
         self.api.ask("deleteJob", {"job_id": job})
         self.api.ask("getJob", {"job_id": job}, expect=404)

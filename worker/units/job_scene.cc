@@ -70,6 +70,30 @@ render::MipSource MakeAllMips(const scene::Scene& scene, DecodedCache* decoded, 
   };
 }
 
+Dependencies DependenciesOf(const v1::JobSpec& spec) {
+  Dependencies dependencies;
+  for (const v1::AssetRef& asset : spec.scene().dependencies()) dependencies[asset.uri()] = asset;
+  return dependencies;
+}
+
+absl::StatusOr<std::string> FetchFile(const std::string& uri, const Dependencies& dependencies,
+                                      FetchAsset fetch) {
+  const auto asset = dependencies.find(uri);
+  if (asset == dependencies.end())
+    return absl::NotFoundError(absl::StrCat("'", uri, "' is not among the job's files"));
+  return fetch(asset->second);
+}
+
+/// Without a decoder of pictures.
+scene::LoadOptions OptionsOf(const v1::JobSpec& spec, int frame, TaskPool* pool) {
+  scene::LoadOptions options;
+  options.time_seconds = SecondsOf(spec, frame);
+  options.animation = spec.animation();
+  options.variant = spec.variant();
+  options.pool = pool;
+  return options;
+}
+
 /// Without the environment.
 render::RenderSettings SettingsOf(const v1::JobSpec& spec) {
   render::RenderSettings settings;
@@ -92,24 +116,32 @@ absl::Status NamingScene(const absl::Status& status, const v1::JobSpec& spec) {
   return {status.code(), absl::StrCat(spec.scene().display_name(), ": ", status.message())};
 }
 
+absl::Status CheckJobScene(const v1::JobSpec& spec, int frame, FetchAsset fetch, TaskPool* pool) {
+  const Dependencies dependencies = DependenciesOf(spec);
+  const absl::StatusOr<std::string> file = fetch(spec.scene().file());
+  if (!file.ok()) return file.status();
+  scene::LoadOptions options = OptionsOf(spec, frame, pool);
+  options.decode = [](std::string_view, int64_t) {
+    return std::make_shared<const scene::ImageData>(scene::ImageData{1, 1, {0, 0, 0, 0}});
+  };
+  const auto read = [&](const std::string& uri) { return FetchFile(uri, dependencies, fetch); };
+  const absl::StatusOr<scene::Scene> scene =
+      scene::LoadGltf(*file, spec.scene().display_name(), read, options);
+  if (!scene.ok()) return scene.status();
+  const absl::Status camera = render::MakeCamera(*scene, SettingsOf(spec)).status();
+  return camera.ok() ? camera : NamingScene(camera, spec);
+}
+
 absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchAsset fetch,
                                       DecodedCache* decoded, TaskPool* pool, std::atomic<int64_t>* progress) {
-  Dependencies dependencies;
-  for (const v1::AssetRef& asset : spec.scene().dependencies()) dependencies[asset.uri()] = asset;
+  const Dependencies dependencies = DependenciesOf(spec);
   absl::StatusOr<std::string> file = fetch(spec.scene().file());
   if (!file.ok()) return file.status();
-  const auto read = [&](const std::string& uri) -> absl::StatusOr<std::string> {
+  const auto read = [&](const std::string& uri) {
     ++*progress;
-    const auto asset = dependencies.find(uri);
-    if (asset == dependencies.end())
-      return absl::NotFoundError(absl::StrCat("'", uri, "' is not among the job's files"));
-    return fetch(asset->second);
+    return FetchFile(uri, dependencies, fetch);
   };
-  scene::LoadOptions options;
-  options.time_seconds = SecondsOf(spec, frame);
-  options.animation = spec.animation();
-  options.variant = spec.variant();
-  options.pool = pool;
+  scene::LoadOptions options = OptionsOf(spec, frame, pool);
   options.decode = [decoded](std::string_view bytes, int64_t max_pixels) {
     return decoded->Texture(bytes, max_pixels);
   };

@@ -34,6 +34,10 @@ struct JobScene {
 absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchAsset fetch,
                                       DecodedCache* decoded, TaskPool* pool, std::atomic<int64_t>* progress);
 
+/// Whether LoadJobScene and the renderer would take the scene in this frame, without its pictures, whose
+/// decoding takes longest. Errors: those of scene::LoadGltf and render::MakeCamera; of `fetch`.
+absl::Status CheckJobScene(const v1::JobSpec& spec, int frame, FetchAsset fetch, TaskPool* pool);
+
 /// `status` with the name of the job's scene before its message.
 absl::Status NamingScene(const absl::Status& status, const v1::JobSpec& spec);
 

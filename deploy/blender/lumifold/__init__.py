@@ -1,5 +1,7 @@
 """Lumifold as a render engine of Blender: renders by path tracing on this machine or on a farm."""
 
+import importlib.util
+
 bl_info = {
     "name": "Lumifold",
     "author": "The Lumifold authors",
@@ -20,7 +22,15 @@ def modules():
     return preferences, settings, engine, operators, panel
 
 
+def require_numpy():
+    """Says in one sentence what is missing: Debian's Blender comes without it."""
+    if importlib.util.find_spec("numpy") is None:
+        raise ImportError("Lumifold needs numpy in Blender's Python: install the Debian package python3-numpy, "
+                          "or `python3 -m pip install numpy` with Blender's own Python") from None
+
+
 def register():
+    require_numpy()
     for module in modules():
         module.register()
 

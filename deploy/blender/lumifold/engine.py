@@ -5,8 +5,10 @@ import pathlib
 import tempfile
 
 import bpy
+import gpu
+from gpu_extras.presets import draw_texture_2d
 
-from . import exr, export, frame_jobs, passes, preferences, program, world
+from . import exr, export, frame_jobs, passes, preferences, program, unsupported, viewport, world
 
 
 class Submission:
@@ -22,6 +24,7 @@ class Submission:
 
 
 submission = None  # while frames are submitted
+told = set()  # losses that a Blender without a window has printed
 
 
 class LumifoldEngine(bpy.types.RenderEngine):
@@ -47,6 +50,44 @@ class LumifoldEngine(bpy.types.RenderEngine):
                 self.fail("The job was cancelled at the farm")
         except (program.ProgramError, export.ExportError, world.WorldError, ValueError, OSError) as error:
             self.fail(str(error))
+
+    viewport = texture = None
+
+    def view_update(self, context, depsgraph):
+        """The scene of a rendered viewport has changed; Blender calls it first of all, too."""
+        if self.viewport is None:
+            executable = preferences.program_path()
+            if not executable:
+                self.update_stats("Lumifold", preferences.MISSING)
+                return
+            self.viewport = viewport.ViewportRender(executable, self.tag_redraw)
+        try:
+            self.viewport.set_scene(depsgraph)
+            self.viewport.set_view(viewport.View.of(context.region, context.region_data))
+        except (world.WorldError, ValueError, OSError) as error:
+            self.update_stats("Lumifold", str(error))
+
+    def view_draw(self, context, depsgraph):
+        """Draws the newest picture, and begins another if the view has changed."""
+        if self.viewport is None:
+            return
+        self.viewport.set_view(viewport.View.of(context.region, context.region_data))
+        self.update_stats("Lumifold", self.viewport.stage)
+        picture = self.viewport.picture
+        if picture is None:
+            return
+        if self.texture is None or self.texture[0] is not picture:
+            height, width, _ = picture.shape
+            pixels = gpu.types.Buffer("FLOAT", width * height * 4, passes.from_the_bottom(picture).ravel())
+            self.texture = picture, gpu.types.GPUTexture((width, height), format="RGBA16F", data=pixels)
+        self.bind_display_space_shader(depsgraph.scene)
+        draw_texture_2d(self.texture[1], (0, 0), context.region.width, context.region.height)
+        self.unbind_display_space_shader()
+
+    def __del__(self):
+        if self.viewport is not None:
+            self.viewport.close()
+        getattr(super(), "__del__", lambda: None)()  # Blender's own, since 4.4
 
     def fail(self, text):
         if submission:
@@ -76,6 +117,8 @@ class Frame:
         executable = preferences.program_path()
         if not executable:
             raise program.ProgramError(preferences.MISSING)
+        if bpy.app.background:
+            self.tell_losses()
         self.show(program.Progress("exporting"))
         picture = export.export(self.depsgraph, self.folder, self.size, self.engine.test_break)
         if self.engine.test_break():
@@ -95,6 +138,13 @@ class Frame:
             self.engine.report({"WARNING"}, text)
         self.hand_over(exr.read(output), self.wanted)
 
+    def tell_losses(self):
+        """Prints what the panel lists, each once: nobody sees the panel."""
+        for text in unsupported.losses_of(self.scene):
+            if text not in told:
+                told.add(text)
+                print(f"Lumifold: not carried over: {text}", flush=True)
+
     def submit(self, executable, place, picture):
         """Submits the frame and lets Blender go on; its own result stays empty."""
         scene, layers = self.scene, [layer for layer in self.scene.view_layers if layer.use]
@@ -105,7 +155,8 @@ class Frame:
 
     def show(self, progress):
         name = f"{progress.job}: " if progress.job else ""
-        self.engine.update_stats("", f"Lumifold | {name}{progress.stage}")
+        share = "" if progress.share is None else f" {progress.share:.0%}"
+        self.engine.update_stats("", f"Lumifold | {name}{progress.stage}{share}")
         if progress.share is not None:
             self.engine.update_progress(progress.share)
 

@@ -8,7 +8,7 @@ evaluated scene (the dependency graph of the render), which belongs to the rende
 import pathlib
 import re
 
-from . import camera, lights, meshes, world
+from . import bake, camera, lights, meshes, world
 from .gltf import GltfBuilder
 from .material_writer import MaterialWriter
 from .program import Picture
@@ -28,8 +28,7 @@ def export(depsgraph, folder, size, is_cancelled=lambda: False):
         raise ExportError(
             f"The camera '{scene.camera.name}' is neither perspective nor orthographic: glTF has no others")
     builder = GltfBuilder()
-    writer = MaterialWriter(builder, TextureFiles(builder, folder))
-    add_objects(depsgraph, builder, writer, is_cancelled)
+    add_objects(depsgraph, builder, folder, is_cancelled)
     f_stop, focus = add_camera(depsgraph, builder, size)
     path = pathlib.Path(folder) / f"{file_name(scene)}.gltf"
     builder.write(path)
@@ -39,7 +38,11 @@ def export(depsgraph, folder, size, is_cancelled=lambda: False):
     return Picture(str(path), size, frame, environment, f_stop, focus)
 
 
-def add_objects(depsgraph, builder, writer, is_cancelled):
+def add_objects(depsgraph, builder, folder, is_cancelled=lambda: False):
+    """Adds all lights and meshes, with pictures in a folder."""
+    bakes = bake.Bakes(depsgraph.scene.lumifold.bake_resolution)
+    bakes.prepare(depsgraph)
+    writer = MaterialWriter(builder, TextureFiles(builder, folder), bakes)
     meshes_by_key = {}
     soft_points = depsgraph.scene.lumifold.soft_points
     for instance in depsgraph.object_instances:
@@ -51,9 +54,9 @@ def add_objects(depsgraph, builder, writer, is_cancelled):
         if thing.type == "LIGHT":
             lights.add_light(builder, thing.name, thing.data, instance.matrix_world, soft_points)
         elif thing.type in meshes.TYPES:
-            key = mesh_key(thing)
+            key = mesh_key(thing, bakes)
             if key not in meshes_by_key:
-                primitives = meshes.primitives_of(builder, thing, writer.index)
+                primitives = meshes.primitives_of(builder, thing, writer)
                 made = builder.append(
                     "meshes", {"name": thing.data.name, "primitives": primitives}) if primitives else None
                 meshes_by_key[key] = made
@@ -61,10 +64,12 @@ def add_objects(depsgraph, builder, writer, is_cancelled):
                 builder.node(thing.name, instance.matrix_world, mesh=meshes_by_key[key])
 
 
-def mesh_key(thing):
+def mesh_key(thing, bakes):
     """Objects with equal keys have the same evaluated mesh and materials."""
     data = thing.data.as_pointer() if thing.type == "MESH" else thing.as_pointer()
-    return data, tuple(slot.material.name if slot.material else "" for slot in thing.material_slots)
+    used = [slot.material for slot in thing.material_slots if slot.material]
+    baked = thing.name if any(bakes.has_any(thing, material) for material in used) else ""
+    return data, baked, tuple(slot.material.name if slot.material else "" for slot in thing.material_slots)
 
 
 def add_camera(depsgraph, builder, size):

@@ -68,7 +68,8 @@ def update(executable, place, job):
     if job.state != "done":
         return
     pathlib.Path(job.path).parent.mkdir(parents=True, exist_ok=True)
-    program.run(program.download_command(executable, place, job.job, job.frame, job.path))
+    download = program.download_command(executable, place, job.job, job.frame, job.path)
+    program.run(download + program.all_layers(executable))
     job.state = "downloaded"
 
 

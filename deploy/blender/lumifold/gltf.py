@@ -1,5 +1,6 @@
 """Builds a glTF 2.0 file with one binary file beside it. Needs no Blender."""
 
+import copy
 import json
 import pathlib
 
@@ -32,6 +33,12 @@ class GltfBuilder:
         }
         self.binary = bytearray()
 
+    def fork(self):
+        """A builder that begins with what this one has written: both files share the binary one."""
+        made = GltfBuilder()
+        made.json = copy.deepcopy(self.json)
+        return made
+
     def append(self, section, value):
         """Appends to a list of the file; returns the index."""
         self.json.setdefault(section, []).append(value)
@@ -57,13 +64,15 @@ class GltfBuilder:
             made["min"], made["max"] = array.min(axis=0).tolist(), array.max(axis=0).tolist()
         return self.append("accessors", made)
 
-    def primitive(self, positions, triangles, material=None, normals=None, uvs=()):
+    def primitive(self, positions, triangles, material=None, normals=None, uvs=(), colors=None):
         """A primitive of a mesh, in glTF's axes."""
         attributes = {"POSITION": self.accessor(positions.astype(numpy.float32), bounds=True)}
         if normals is not None:
             attributes["NORMAL"] = self.accessor(normals.astype(numpy.float32))
         for index, uv in enumerate(uvs):
             attributes[f"TEXCOORD_{index}"] = self.accessor(uv.astype(numpy.float32))
+        if colors is not None:
+            attributes["COLOR_0"] = self.accessor(colors.astype(numpy.float32))
         made = {
             "attributes": attributes,
             "indices": self.accessor(triangles.astype(numpy.uint32).ravel(), ELEMENT_ARRAY_BUFFER)

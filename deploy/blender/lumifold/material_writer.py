@@ -8,18 +8,29 @@ THICKNESS = 1  # any value above 0 makes a mesh of glass a solid, as it is in Bl
 
 
 class MaterialWriter:
-    def __init__(self, builder, files):
-        self.builder, self.files = builder, files
-        self.indices = {}
+    def __init__(self, builder, files, bakes):
+        self.builder, self.files, self.bakes = builder, files, bakes
+        self.translated, self.indices = {}, {}
 
-    def index(self, material, uv_names):
-        """Index in the file of a material on a mesh with these UV maps; None for no material."""
+    def translate(self, thing, material):
+        """The material as it is on an object: baked pictures belong to one."""
+        key = material.name, thing.name if self.bakes.has_any(thing, material) else ""
+        if key not in self.translated:
+            self.translated[key] = materials.translate(material, self.bakes.of(thing, material))
+        return key, self.translated[key]
+
+    def vertex_colors(self, thing, material):
+        """The colour attribute of meshes that a material wants, "" for that of rendering, or None."""
+        return None if material is None else self.translate(thing, material)[1].vertex_colors
+
+    def index(self, thing, material, uv_names):
+        """Index in the file of a material on an object with these UV maps; None for no material."""
         if material is None:
             return None
-        key = (material.name, uv_names)
+        name, made = self.translate(thing, material)
+        key = (name, uv_names)
         if key not in self.indices:
-            self.indices[key] = self.builder.append("materials",
-                                                    self.write(materials.translate(material), uv_names))
+            self.indices[key] = self.builder.append("materials", self.write(made, uv_names))
         return self.indices[key]
 
     def write(self, made, uv_names):
@@ -70,7 +81,7 @@ class MaterialWriter:
         elif alpha:
             surface["baseColorTexture"] = info(alpha, self.files.data(1.0, 1.0, 1.0, alpha))
         if not isinstance(color, Texture) or alpha is None:
-            rgb = WHITE if isinstance(color, Texture) else clamped(color)
+            rgb = [color.factor] * 3 if isinstance(color, Texture) else clamped(color)
             surface["baseColorFactor"] = [*rgb, 1.0 if alpha else min(max(made.alpha, 0.0), 1.0)]
         if alpha or made.alpha < 1:
             written["alphaMode"] = "BLEND"  # Cycles blends always, whatever the mode of the viewport

@@ -4,8 +4,8 @@ Needs no Blender."""
 import dataclasses
 import math
 
-from . import versions
-from .versions import WHITE, find_input
+from . import mixtures, versions
+from .versions import WHITE, find_input, is_number
 
 # Losses that concern every material of a kind are counted, not named one by one.
 DISNEY_DIFFUSE = "Principled's diffuse lobe is Lambert's: up to 3 % darker, closed rooms up to 20 %"
@@ -23,6 +23,7 @@ class Texture:
     uv_map: str = ""  # empty: that of rendering
     transform: tuple = ()  # offset x, y, rotation, scale x, y of a Mapping node
     extension: str = "REPEAT"
+    factor: float = 1.0  # of a colour
 
 
 @dataclasses.dataclass
@@ -31,6 +32,7 @@ class Material:
 
     name: str = ""
     base_color: object = (0.8, 0.8, 0.8)
+    vertex_colors: str = None  # a colour attribute that multiplies it; "": that of rendering
     metallic: object = 0.0
     roughness: object = 1.0
     alpha: object = 1.0
@@ -48,11 +50,13 @@ class Material:
     normal_strength: float = 1.0
     double_sided: bool = True
     losses: list = dataclasses.field(default_factory=list)
+    baked: object = None  # baked(node, socket, kind): the picture of an input that glTF cannot carry, or None
 
 
-def translate(material):
-    """The glTF material of one of Blender's, with its losses."""
-    made = Material(name=material.name, double_sided=not material.use_backface_culling)
+def translate(material, baked=lambda node, socket, kind: None):
+    """The glTF material of one of Blender's, with its losses. `baked` is asked for a picture of each input that
+    only a picture carries: names of node and socket, and "COLOR" or "NORMAL"."""
+    made = Material(name=material.name, double_sided=not material.use_backface_culling, baked=baked)
     tree = versions.node_tree(material)
     if tree is None:
         made.base_color = tuple(material.diffuse_color[:3])
@@ -62,11 +66,13 @@ def translate(material):
     surface = output and node_behind(find_input(output, "Surface"))
     if surface is None:
         made.base_color, made.reflectance = (0.0, 0.0, 0.0), 0.0
-        made.losses.append("no surface shader")
+        has_volume = output and find_input(output, "Volume").is_linked
+        made.alpha = 0.0 if has_volume else 1.0  # a volume alone has no surface to be seen
+        made.losses.append("volume without a surface (not rendered)" if has_volume else "no surface shader")
     else:
         read_shader(made, surface)
     for name, what in (("Volume", "volumes"), ("Displacement", "displacement")):
-        if output and find_input(output, name).is_linked:
+        if output and find_input(output, name).is_linked and (surface or name != "Volume"):
             made.losses.append(what)
     return made
 
@@ -111,7 +117,7 @@ def read_shader(made, node):
 
 def read_principled(made, node):
     value = Inputs(made, node, versions.principled_input)
-    made.base_color = value.color("Base Color")
+    read_base(made, value, "Base Color")
     made.metallic = value.number("Metallic", may_be_texture=True)
     made.roughness = value.number("Roughness", may_be_texture=True)
     made.alpha = value.number("Alpha", may_be_texture=True)
@@ -132,6 +138,37 @@ def read_principled(made, node):
         made.losses.append(SINGLE_SCATTERING)
 
 
+def read_base(made, value, name):
+    """The base colour, with a colour attribute that is it or multiplies it."""
+    socket = value.find(value.node, name)
+    made.vertex_colors, rest = vertex_colors_behind(socket)
+    if made.vertex_colors is None:
+        made.base_color = value.color(name)
+    else:
+        made.base_color = WHITE if rest is None else value.color_of(rest)
+
+
+def vertex_colors_behind(socket):
+    """The name of the colour attribute that a colour is multiplied with (None: no attribute), and the socket
+    of the other factor, if there is one."""
+    source = source_of(socket)
+    if source is None:
+        return None, None
+    node = source.node
+    if node.type == "VERTEX_COLOR" and source.name == "Color":
+        return node.layer_name, None
+    if node.type == "ATTRIBUTE" and source.name == "Color" and node.attribute_type == "GEOMETRY":
+        return node.attribute_name, None
+    if node.type in versions.MULTIPLIED and node.blend_type == "MULTIPLY":
+        share, *factors = (find_input(node, name) for name in versions.MULTIPLIED[node.type])
+        if not share.is_linked and share.default_value == 1:
+            for one, other in (factors, reversed(factors)):
+                name, rest = vertex_colors_behind(one)
+                if name is not None and rest is None:
+                    return name, other
+    return None, None
+
+
 def read_sheen(made, value):
     weight = value.number("sheen")
     if weight > 0:
@@ -142,13 +179,15 @@ def read_sheen(made, value):
 
 
 def read_diffuse(made, node):
-    made.base_color, made.reflectance = Inputs(made, node).color("Color"), 0.0
+    read_base(made, Inputs(made, node), "Color")
+    made.reflectance = 0.0
     read_normal(made, find_input(node, "Normal"))
 
 
 def read_glossy(made, node):
     value = Inputs(made, node)
-    made.base_color, made.metallic = value.color("Color"), 1.0
+    read_base(made, value, "Color")
+    made.metallic = 1.0
     made.roughness = 0.0 if node.distribution == "SHARP" else value.number("Roughness", may_be_texture=True)
     if made.base_color != WHITE:
         made.losses.append(
@@ -178,38 +217,60 @@ def read_transparent(made, node):
 
 
 def read_mix(made, node):
-    """A mixture with 'Transparent BSDF' is alpha; others are not carried."""
     first, second = (node_behind(find_input(node, name)) for name in ("Shader", "Shader_001"))
-    weight = Inputs(made, node).number("Fac", may_be_texture=True)
     if first is None or second is None:
         made.losses.append("'Mix Shader' without two shaders")
-    elif first.type == "BSDF_TRANSPARENT" and second.type != "BSDF_TRANSPARENT":
+        return
+    weight = find_input(node, "Fac")
+    ior = ior_behind(weight)
+    share = reflectance_of_ior(ior) if ior else Inputs(made, node).number("Fac", may_be_texture=True)
+    if is_number(share):
+        read_both(made, node, (first, second), (1 - share, share), ior)
+    elif first.type == "BSDF_TRANSPARENT":
         read_shader(made, second)
-        made.alpha = weight
-    elif second.type == "BSDF_TRANSPARENT" and is_number(weight):
-        read_shader(made, first)
-        made.alpha = 1 - weight
+        made.alpha = share
     else:
-        stronger = second if is_number(weight) and weight > 0.5 else first
-        made.losses.append(f"'Mix Shader' (only its '{stronger.bl_label}' is rendered)")
-        read_shader(made, stronger)
+        made.losses.append(f"picture '{share.image.name}' as the share of a mixture (rendered as one half)")
+        read_both(made, node, (first, second), (0.5, 0.5))
 
 
 def read_add(made, node):
-    """Light added to another shader is its emission; other sums are not carried."""
     nodes = [found for found in (node_behind(socket) for socket in node.inputs) if found]
-    lights = [found for found in nodes if found.type == "EMISSION"]
-    others = [found for found in nodes if found.type != "EMISSION"]
-    if len(lights) > 1 or len(others) > 1:
-        made.losses.append("'Add Shader' of two surfaces (only the first is rendered)")
-    if others:
-        read_shader(made, others[0])
-    elif lights:
-        read_emission(made, lights[0])
-        return
-    if lights:
-        value = Inputs(made, lights[0])
-        made.emission, made.emission_strength = value.color("Color"), value.number("Strength")
+    if len(nodes) == 2:
+        read_both(made, node, nodes, (1.0, 1.0))
+    elif nodes:
+        read_shader(made, nodes[0])
+
+
+def read_both(made, node, nodes, weights, ior=None):
+    """The nearest material to the weighted sum of two shaders; `ior`: of a highlight of the second over the
+    first, which is how plastic is often built."""
+    first, second = (Material(name=made.name, double_sided=made.double_sided, baked=made.baked) for _ in nodes)
+    for part, shader in zip((first, second), nodes):
+        read_shader(part, shader)
+    if ior and second.metallic == 1 and first.metallic == 0 and is_number(first.alpha) and first.alpha > 0:
+        first.reflectance, first.roughness = reflectance_of_ior(ior), second.roughness
+        mixed = dataclasses.replace(first, losses=first.losses + second.losses)
+    else:
+        mixed = mixtures.combined(first, second, weights)
+        if all(mixtures.is_surface(part) for part in (first, second)):
+            labels = " and ".join(f"'{shader.bl_label}'" for shader in nodes)
+            mixed.losses.append(f"'{node.bl_label}' of {labels} (rendered as one surface)")
+    mixed.losses = made.losses + mixed.losses
+    for field in dataclasses.fields(mixed):
+        setattr(made, field.name, getattr(mixed, field.name))
+
+
+def ior_behind(socket):
+    """The index of refraction of a 'Fresnel' or 'Layer Weight' node, or None."""
+    source = source_of(socket)
+    if source is None:
+        return None
+    if source.node.type == "FRESNEL":
+        return max(find_input(source.node, "IOR").default_value, 1.0)
+    if source.node.type == "LAYER_WEIGHT" and source.name == "Fresnel":
+        return 1 / max(1 - find_input(source.node, "Blend").default_value, 1e-5)
+    return None
 
 
 SHADERS = {
@@ -230,7 +291,11 @@ def read_normal(made, socket):
         return
     texture = texture_behind(made, find_input(node, "Color"), "RGB") if node.type == "NORMAL_MAP" else None
     if texture is None or node.space != "TANGENT":
-        made.losses.append(f"'{node.bl_label}' at Normal")
+        image = made.baked(socket.node.name, socket.identifier, "NORMAL")
+        if image is None:
+            made.losses.append(f"'{node.bl_label}' at Normal")
+        else:
+            made.normal = Texture(image)
         return
     uv_map = node.uv_map
     if uv_map and uv_map != texture.uv_map:
@@ -245,7 +310,9 @@ class Inputs:
         self.made, self.node, self.find = made, node, find
 
     def color(self, name, may_be_texture=True):
-        socket = self.find(self.node, name)
+        return self.color_of(self.find(self.node, name), may_be_texture)
+
+    def color_of(self, socket, may_be_texture=True):
         return self.carried(socket, "RGB", lambda value: tuple(float(channel) for channel in value[:3]),
                             may_be_texture)
 
@@ -264,14 +331,14 @@ class Inputs:
         texture = texture_behind(self.made, socket, channels) if may_be_texture else None
         if texture is not None:
             return texture
+        if may_be_texture:
+            image = self.made.baked(self.node.name, socket.identifier, "COLOR")
+            if image is not None:
+                return Texture(image, channels)
         source = node_behind(socket)
         self.made.losses.append(
             f"'{source.bl_label}' at {socket.name}" if source else f"link at {socket.name}")
         return convert(socket.default_value)
-
-
-def is_number(value):
-    return isinstance(value, (int, float))
 
 
 def is_smooth(roughness):
@@ -340,6 +407,10 @@ def coordinates_behind(socket):
     if angle[0] or angle[1]:
         return None
     return below[0], tuple(map(float, (place[0], place[1], angle[2], scale[0], scale[1])))
+
+
+def reflectance_of_ior(ior):
+    return ((ior - 1) / (ior + 1)) ** 2
 
 
 def ior_of_reflectance(reflectance):

@@ -8,9 +8,8 @@ from .gltf import y_up
 TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 
 
-def primitives_of(builder, thing, material_index):
-    """The primitives of an evaluated object. `material_index(material, uv_names)` gives the index of a
-    material in the file."""
+def primitives_of(builder, thing, writer):
+    """The primitives of an evaluated object, with materials of a MaterialWriter."""
     mesh = thing.to_mesh()
     if mesh is None:
         return []
@@ -23,12 +22,16 @@ def primitives_of(builder, thing, material_index):
         made = []
         for slot in numpy.unique(slots):
             used, indices = numpy.unique(triangles[slots == slot], return_inverse=True)
-            rows, first, inverse = distinct_rows(corners[used])
+            material = materials[min(slot, len(materials) - 1)]
+            colors = corner_colors(mesh, writer.vertex_colors(thing, material))
+            end = 6 + 2 * len(uv_names)
+            whole = corners[used] if colors is None else numpy.hstack([corners[used], colors[used]])
+            rows, _, inverse = distinct_rows(whole)
             indices = inverse[indices].reshape(-1, 3)
-            del first
-            index = material_index(materials[min(slot, len(materials) - 1)], tuple(uv_names))
             uvs = [rows[:, 6 + 2 * i : 8 + 2 * i] for i in range(len(uv_names))]
-            made.append(builder.primitive(rows[:, :3], indices, index, rows[:, 3:6], uvs))
+            made.append(
+                builder.primitive(rows[:, :3], indices, writer.index(thing, material, tuple(uv_names)), rows[:, 3:6],
+                                  uvs, None if colors is None else rows[:, end:]))
         return made
     finally:
         thing.to_mesh_clear()
@@ -56,6 +59,18 @@ def read_mesh(mesh):
     triangles = get(mesh.loop_triangles, "loops", 3, numpy.int32)
     slots = get(mesh.loop_triangles, "material_index", 1, numpy.int32)
     return corners, triangles, slots
+
+
+def corner_colors(mesh, name):
+    """Linear RGB of a colour attribute per corner ("": that of rendering), or None where the mesh has none."""
+    if name is None or not len(mesh.color_attributes):
+        return None
+    attribute = mesh.color_attributes.get(name) if name else mesh.color_attributes[max(
+        mesh.color_attributes.render_color_index, 0)]
+    if attribute is None:
+        return None
+    colors = get(attribute.data, "color", 4)[:, :3]
+    return colors if attribute.domain == "CORNER" else colors[get(mesh.loops, "vertex_index", 1, numpy.int32)]
 
 
 def get(collection, name, components, kind=numpy.float32):

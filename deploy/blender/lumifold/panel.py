@@ -91,6 +91,7 @@ class LUMIFOLD_PT_scene(RenderPanel, bpy.types.Panel):
         layout, settings = self.columns(), context.scene.lumifold
         layout.prop(settings, "soft_points")
         layout.prop(settings, "world_width")
+        layout.prop(settings, "bake_resolution")
         layout.prop(context.scene.render, "film_transparent")
 
 

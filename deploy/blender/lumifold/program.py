@@ -2,6 +2,7 @@
 Blender."""
 
 import dataclasses
+import functools
 import json
 import queue
 import re
@@ -119,13 +120,19 @@ def download_command(program, place, job, frame, output):
     return [program, "download", job, "-o", output, "--frame", str(frame), *place.connection()]
 
 
-def has_preview(program):
-    """Whether `lumifold render` can keep a preview up to date; older programs cannot."""
+@functools.cache
+def has_option(program, option):
+    """Whether `lumifold render` has this option; older programs lack some."""
     done = subprocess.run([program, "render", "--help"],
                           capture_output=True,
                           text=True,
                           stdin=subprocess.DEVNULL)
-    return "--preview" in done.stdout
+    return option in done.stdout
+
+
+def all_layers(program):
+    """Options for an .exr with all layers that Blender's passes are made of."""
+    return ["--exr", "full"] if has_option(program, "--exr") else []
 
 
 @dataclasses.dataclass
@@ -240,7 +247,8 @@ def render_here(program, place, picture, quality, output, preview, is_cancelled,
             on_progress(progress)
 
     command = render_command(program, place, picture, quality, output,
-                             preview if has_preview(program) else "")
+                             preview if has_option(program, "--preview") else "")
+    command += all_layers(program)
     return warnings_of(run(command, is_cancelled, on_message=on_message, on_wait=on_wait))
 
 
@@ -262,7 +270,8 @@ def render_on_farm(program, place, picture, quality, output, preview, is_cancell
         watch = watch_command(program, place, job, picture.frame, preview)
         run(watch, is_cancelled, on_output=on_status, on_wait=on_wait)
         on_progress(Progress("downloading", 1, job))
-        run(download_command(program, place, job, picture.frame, output), is_cancelled)
+        download = download_command(program, place, job, picture.frame, output)
+        run(download + all_layers(program), is_cancelled)
     except Cancelled:
         subprocess.run([program, "cancel", job, *place.connection()],
                        capture_output=True,

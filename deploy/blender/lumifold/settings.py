@@ -92,6 +92,13 @@ class LumifoldSettings(bpy.types.PropertyGroup):
                              min=16,
                              max=8192,
                              description="Width of the picture into which the world is baked")
+    bake_resolution: IntProperty(
+        name="Bake Textures",
+        default=0,
+        min=0,
+        max=16384,
+        description="Width of the pictures into which procedural textures and bumps of objects with a UV map are "
+        "baked; 0: they are not carried over")
     pass_noisy: BoolProperty(name="Noisy Image", default=True, description="The picture before the filter")
     pass_reflection: BoolProperty(name="Reflection",
                                   description="Light of glossy lobes, mirrors and glass, before the filter")

@@ -25,8 +25,10 @@ def losses_of(scene):
     for thing in scene.objects:
         if not thing.hide_render:
             look_at_object(thing, lose, scene.lumifold.soft_points)
-    for material in materials_of(scene):
-        for text in materials.translate(material).losses:
+    will_bake = scene.lumifold.bake_resolution > 0
+    for material, has_uv in materials_of(scene):
+        baked = materials.Texture("") if will_bake and has_uv else None
+        for text in materials.translate(material, lambda *place, baked=baked: baked).losses:
             lose(text, material.name)
     if scene.camera is None:
         lose("No camera: nothing can be rendered")
@@ -42,13 +44,15 @@ def line(text, names):
 
 
 def materials_of(scene):
-    """The materials of what is rendered, each once."""
+    """The materials of what is rendered, each once, and whether all that have it have a UV map."""
     found = {}
     for thing in scene.objects:
         if not thing.hide_render:
+            has_uv = thing.type == "MESH" and bool(getattr(thing.data, "uv_layers", None))
             for slot in thing.material_slots:
                 if slot.material is not None:
-                    found.setdefault(slot.material.name, slot.material)
+                    _, others = found.get(slot.material.name, (None, True))
+                    found[slot.material.name] = slot.material, has_uv and others
     return found.values()
 
 

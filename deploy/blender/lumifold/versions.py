@@ -74,6 +74,20 @@ COMMON_PANELS = {
 }
 
 
+MULTIPLIED = {  # nodes that multiply two colours: the share of the product and both; by type, both since 3.4
+    "MIX": ("Factor_Float", "A_Color", "B_Color"),
+    "MIX_RGB": ("Fac", "Color1", "Color2"),
+}
+
+
+def is_number(value):
+    return isinstance(value, (int, float))
+
+
+def luminance(color):
+    return 0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2]
+
+
 def running():
     """Major and minor number of this Blender."""
     import bpy

@@ -1,13 +1,12 @@
 """The world as a picture of all directions for `--env`."""
 
-import hashlib
 import pathlib
 import subprocess
 
 import bpy
 import numpy
 
-from . import exr, versions
+from . import exr, node_digest, versions
 from .versions import find_input
 
 CONSTANT_SIZE = (4, 8)  # rows, columns of the picture of a constant colour
@@ -55,7 +54,7 @@ def bake(world, path, width, frame):
     library = path.with_name("world.blend")
     bpy.data.libraries.write(str(library), {world.original}, path_remap="ABSOLUTE", fake_user=True)
     try:
-        key = (described(world), width,
+        key = (node_digest.of(world.node_tree), width,
                frame if world.original.animation_data or world.node_tree.animation_data else 0)
         if key not in cache:
             script = pathlib.Path(__file__).with_name("bake_world.py")
@@ -79,36 +78,3 @@ def bake(world, path, width, frame):
         path.write_bytes(cache[key])
     finally:
         library.unlink(missing_ok=True)
-
-
-def described(world):
-    """A digest of all values of the node tree, so that a world is baked again only if one has changed."""
-    lines = []
-    trees = [world.node_tree]
-    for tree in trees:
-        for node in tree.nodes:
-            lines.append(repr(values_of(node)))
-            lines += [repr(values_of(socket)) for socket in node.inputs]
-            image = getattr(node, "image", None)
-            if image is not None:
-                lines.append(
-                    f"{image.name} {image.filepath} {tuple(image.size)} {image.is_dirty} {image.colorspace_settings.name}"
-                )
-            if getattr(node, "node_tree", None) and node.node_tree not in trees:
-                trees.append(node.node_tree)
-            ramp = getattr(node, "color_ramp", None)
-            lines += [f"{one.position} {tuple(one.color)}" for one in ramp.elements] if ramp else []
-        lines += [f"{link.from_socket.path_from_id()} {link.to_socket.path_from_id()}" for link in tree.links]
-    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
-
-
-def values_of(thing):
-    """Names and values of the properties that are plain."""
-    values = []
-    for name in thing.bl_rna.properties.keys():
-        value = getattr(thing, name, None)
-        if isinstance(value, (bool, int, float, str)):
-            values.append((name, value))
-        elif type(value).__name__ in ("bpy_prop_array", "Vector", "Euler", "Color"):
-            values.append((name, tuple(value)))
-    return values

@@ -2,7 +2,9 @@
 
 import {emptyNotice, noticeOf} from "/advice.js";
 import {call, follow, session, takeFragment} from "/api.js";
-import {farmLine, fillList, make, problemsOf, serverFacts, workerItem} from "/farm.js";
+import {
+  farmLine, fillList, frameOfWorker, make, problemsOf, serverFacts, workerItem,
+} from "/farm.js";
 import {Strip, framesOf} from "/frames.js";
 import {
   actionsOf, ask, fillLayers, followPreview, showFacts, showLog, showNotice, showReasons, showSettings,
@@ -104,7 +106,7 @@ function showFarm() {
   $("farm-line").textContent = farmLine(state.server, state.workers);
   if (state.server) fillList($("server"), serverFacts(state.server));
   $("worker-count").textContent = String(state.workers.length);
-  const itemOf = (worker) => workerItem(worker, may("admin") ? workerActions(worker) : []);
+  const itemOf = (worker) => workerItem(worker, workerActions(worker));
   fillList($("workers"), state.workers.map(itemOf));
   showEmpty();
 }
@@ -116,10 +118,21 @@ function workerActions(worker) {
     element.addEventListener("click", () => act(method, {worker: id, ...fields}, question));
     return element;
   };
+  const history = make("button", {type: "button", text: "History"});
+  history.addEventListener("click", () => showHistory(id).catch((error) => say(error.message)));
+  if (!may("admin")) return [history];
   if (["WORKER_STATE_IDLE", "WORKER_STATE_BUSY", "WORKER_STATE_RESTING"].includes(worker.state))
     return [button("Stop", "DrainWorker", "Let the worker finish its units and end?", {finish_units: true}),
-      button("Block", "BlockWorker", "Give the worker no more units?")];
-  return [button("Readmit", "ReadmitWorker")];
+      button("Block", "BlockWorker", "Give the worker no more units?"), history];
+  return [button("Readmit", "ReadmitWorker"), history];
+}
+
+async function showHistory(worker) {
+  const {workers} = await call("ListWorkers", {worker});
+  const frames = workers.flatMap((each) => each.history).reverse();
+  $("history-title").textContent = `Last frames of ${workers[0]?.name ?? worker}`;
+  fillList($("history-frames"), frames.map((frame) => make("li", {text: frameOfWorker(frame)})));
+  $("history").showModal();
 }
 
 const buttonOf = (job, [text, method, request, question, value]) => {

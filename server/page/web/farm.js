@@ -1,6 +1,6 @@
 // The farm: its workers, its storage, and what is wrong.
 
-import {bytes, hasEnded, stateOf} from "/words.js";
+import {bytes, duration, hasEnded, stateOf} from "/words.js";
 
 /** An element with a class and a text. Texts of others are never markup. */
 export function make(tag, {text, title, ...properties} = {}, ...children) {
@@ -41,6 +41,15 @@ export function workerItem(worker, actions) {
   if (worker.job_ids?.length) note(`renders ${worker.job_ids.join(", ")}`);
   if (actions.length) item.append(make("div", {className: "actions"}, ...actions));
   return item;
+}
+
+/** A line about a frame that a worker has rendered units of. */
+export function frameOfWorker(frame) {
+  const time = (ms) => new Date(Number(ms)).toLocaleString();
+  const failures = Number(frame.failed) ? `, ${frame.failed} failed` : "";
+  const units = `${frame.units} units${failures}, ${duration(frame.seconds)}`;
+  return `${frame.job_id}, frame ${frame.frame}: ${units}`
+    + ` · ${time(frame.first_unix_ms)} to ${time(frame.last_unix_ms)}`;
 }
 
 /** Failed jobs that are named; the list has all. */

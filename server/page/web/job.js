@@ -135,18 +135,18 @@ const pairs = (facts) =>
 const cropText = (crop) => `at ${crop.x}, ${crop.y} of ${crop.frame_width} × ${crop.frame_height}`;
 
 /** Terms and values of what was submitted. */
-function settingsOf(spec, scheduling) {
+function settingsOf(job) {
+  const {settings: spec, scheduling} = job;
   const settings = [
-    ["Scene", spec.scene?.display_name], ["Size", `${spec.width} × ${spec.height}`],
-    ["Samples", spec.adaptive ? `adaptive, at most ${spec.samples_per_pixel}` : spec.samples_per_pixel],
-    ["Method", spec.filter?.method || "default"], ["Camera", spec.camera || "the scene's first"],
-    ["Bounces", spec.max_bounces], ["Seed", spec.seed],
-    ["Tiles", spec.tile_size ? `${spec.tile_size} pixels` : ""],
-    ["Environment", spec.environment?.uri?.replace(/^environment:/, "")],
-    ["Lens", spec.lens && `f/${spec.lens.f_stop}, focus at ${spec.lens.focus_metres} m`],
-    ["Frames a second", spec.frames_per_second || ""], ["Variant", spec.variant],
-    ["Animation", spec.animation], ["Crop", spec.crop && cropText(spec.crop)],
-    ["Film kept", spec.save_film ? "yes" : ""], ["Cryptomatte", spec.cryptomatte ? "yes" : ""],
+    ["Job", job.job_id], ["Size", `${job.width} × ${job.height}`],
+    ["Samples", job.adaptive ? `adaptive, at most ${job.samples_per_pixel}` : job.samples_per_pixel],
+    ["Method", spec?.filter?.method || "default"], ["Camera", spec?.camera || "the scene's first"],
+    ["Bounces", spec?.max_bounces], ["Seed", spec?.seed],
+    ["Environment", spec?.environment?.uri?.replace(/^environment:/, "")],
+    ["Lens", spec?.lens && `f/${spec.lens.f_stop}, focus at ${spec.lens.focus_metres} m`],
+    ["Frames a second", spec?.frames_per_second || ""], ["Variant", spec?.variant],
+    ["Animation", spec?.animation], ["Crop", spec?.crop && cropText(spec.crop)],
+    ["Film kept", spec?.save_film ? "yes" : ""], ["Cryptomatte", spec?.cryptomatte ? "yes" : ""],
     ["Priority", scheduling?.priority || ""], ["Tags", (scheduling?.tags ?? []).join(", ")],
     ["Most leases", scheduling?.max_leases || ""], ["After", (scheduling?.after ?? []).join(", ")],
     ["Trace", scheduling?.trace_id],
@@ -161,8 +161,8 @@ function decisionText({value, source, reason}) {
 }
 
 /** What was submitted, and what was decided of it. `explained`: of ExplainJob. */
-export function showSettings(elements, {status, spec, plan}) {
-  fillList(elements.spec, pairs([["Job", status.job_id], ...settingsOf(spec ?? {}, status.scheduling)]));
+export function showSettings(elements, {status, plan}) {
+  fillList(elements.spec, pairs(settingsOf(status)));
   elements.planTitle.hidden = !plan;
   fillList(elements.plan, pairs((plan?.decisions ?? []).map((each) => [each.name, decisionText(each)])));
 }

@@ -6,6 +6,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -214,12 +215,16 @@ TEST_F(TlsTest, TrustsTheAuthorityOfTheCodeOnly) {
   const std::string address = absl::StrCat("127.0.0.1:", port);
   EXPECT_EQ(identity::FetchPinnedCa(address, std::string(32, 'x'), absl::Seconds(10)).status().code(),
             absl::StatusCode::kUnavailable);
+  EXPECT_EQ(identity::IsEncrypted(address, absl::Seconds(10)), false);
+  EXPECT_EQ(identity::IsEncrypted(address_, absl::Seconds(10)), true);
   v1::AccessService::Stub stub(rpc::MakeChannel(address, {}));
   grpc::ClientContext context;
   v1::RevokeResponse response;
   const grpc::Status status = stub.Revoke(&context, {}, &response);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
   EXPECT_THAT(status.error_message(), HasSubstr("no access control"));
+  plain->Shutdown();
+  EXPECT_EQ(identity::IsEncrypted(address, absl::Seconds(1)), std::nullopt) << "nothing listens";
 }
 
 }  // namespace

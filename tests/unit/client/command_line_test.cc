@@ -13,7 +13,7 @@ using testing::StartsWith;
 
 class CommandLineTest : public testing::Test {
  protected:
-  CommandLineTest() : command_line_("draw", "Draw a thing") {
+  CommandLineTest() : command_line_({"draw", "Draw a thing", "draw cup -n 2"}) {
     command_line_.AddArgument("THING", &thing_, "What to draw");
     command_line_.AddWholeNumber("-n,--number", &number_, 1, 9, "How often");
     command_line_.AddSeed("--seed", &seed_, "Key");

@@ -254,6 +254,19 @@ grpc::Status FakeFarm::GetLog(grpc::ServerContext*, const v1::GetLogRequest* req
   response->mutable_events()->Assign(events.begin(), events.end());
   return Record("GetLog", *request);
 }
+grpc::Status FakeFarm::GetUsage(grpc::ServerContext*, const v1::GetUsageRequest* request,
+                                v1::GetUsageResponse* response) {
+  for (const char* user : {"ann", "ben", "ann"}) {
+    v1::JobUsage* const job = response->add_jobs();
+    job->set_job_id(absl::StrCat("job-", response->jobs_size()));
+    job->set_user(user);
+    job->set_units(10);
+    job->set_render_seconds(5400);
+    job->set_frames(2);
+    job->set_finish_seconds(1800);
+  }
+  return Record("GetUsage", *request);
+}
 grpc::Status FakeFarm::GetServerStatus(grpc::ServerContext*, const v1::GetServerStatusRequest* request,
                                        v1::ServerStatus* status) {
   *status = server_status;

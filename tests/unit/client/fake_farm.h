@@ -87,6 +87,7 @@ class FakeFarm final : public v1::FarmService::Service {
   grpc::Status BlockWorker(grpc::ServerContext*, const v1::WorkerRequest*, v1::WorkerStatus*) override;
   grpc::Status ReadmitWorker(grpc::ServerContext*, const v1::WorkerRequest*, v1::WorkerStatus*) override;
   grpc::Status GetLog(grpc::ServerContext*, const v1::GetLogRequest*, v1::GetLogResponse*) override;
+  grpc::Status GetUsage(grpc::ServerContext*, const v1::GetUsageRequest*, v1::GetUsageResponse*) override;
   grpc::Status GetServerStatus(grpc::ServerContext*, const v1::GetServerStatusRequest*,
                                v1::ServerStatus*) override;
   grpc::Status GetPreview(grpc::ServerContext*, const v1::GetPreviewRequest*, v1::Preview*) override;

@@ -84,9 +84,61 @@ TEST(JobReport, SaysWhichFramesAreSkipped) {
 
 TEST(JobTable, LinesUpUnderItsHead) {
   EXPECT_EQ(JobTableHead(),
-            "JOB                  STATE           DONE  SUBMITTED            USER         SCENE\n");
-  EXPECT_EQ(JobTableLine(SampleJob()),
-            "j7                   running          25%  2023-11-14T22:13:20Z ann          room \"A\".glb\n");
+            "JOB                  STATE           DONE  SUBMITTED                TIME  USER         NAME\n");
+  v1::JobStatus job = SampleJob();
+  EXPECT_EQ(JobTableLine(job),
+            "j7                   running          25%  2023-11-14T22:13:20Z       2s  ann          room "
+            "\"A\".glb\n");
+  job.set_state(v1::JOB_STATE_FAILED);
+  job.set_error("no mesh\nat all");
+  job.mutable_times()->clear_render_seconds();
+  EXPECT_EQ(JobTableLine(job),
+            "j7                   failed           25%  2023-11-14T22:13:20Z        -  ann          room "
+            "\"A\".glb  "
+            "error: no mesh\\nat all\n");
+}
+
+TEST(JobReport, SaysWithWhichOptionsAJobWasSubmitted) {
+  v1::JobStatus job = SampleJob();
+  EXPECT_EQ(JobJson(job).find("options"), std::string::npos) << "of a list";
+  job.set_width(64);
+  job.set_height(48);
+  job.set_samples_per_pixel(256);
+  job.set_first_frame(1);
+  job.set_frame_count(48);
+  v1::FrameRange* const more = job.add_more_frames();
+  more->set_first(60);
+  more->set_count(1);
+  job.mutable_adaptive()->set_target_error(0.5);
+  v1::JobSpec& settings = *job.mutable_settings();
+  settings.set_camera("front door");
+  settings.set_frames_per_second(24);
+  settings.set_max_bounces(8);
+  settings.mutable_filter()->set_method("default");
+  settings.mutable_crop()->set_frame_width(1920);
+  settings.mutable_crop()->set_frame_height(1080);
+  settings.mutable_crop()->set_x(100);
+  settings.mutable_environment()->set_uri("environment:sky.exr");
+  settings.mutable_environment()->set_scale(0.1f);
+  settings.mutable_lens()->set_f_stop(2.8f);
+  settings.set_cryptomatte(true);
+  settings.mutable_planning()->add_forced("levels=2");
+  settings.mutable_planning()->add_forced("glossy=1");
+  EXPECT_NE(
+      JobJson(job).find(
+          R"("width":64,"height":48,"samples_per_pixel":256,"options":{"size":"1920x1080","region":"100,0,164,48",)"
+          R"("frames":"1-48,60","fps":24.0,"spp":256,"adaptive":true,"target-error":0.5,"target-metric":"mse255",)"
+          R"("seed":0,"max-bounces":8,"method":"default","camera":"front door","env":"sky.exr","env-rotate":0.0,)"
+          R"("env-scale":0.1,"f-stop":2.8,"focus":0.0,"cryptomatte":true,"force":["levels=2","glossy=1"]})"),
+      std::string::npos)
+      << JobJson(job);
+  EXPECT_NE(
+      JobText(job).find("\nsize: 64x48\nsamples per pixel: 256\noptions: --region 100,0,164,48 --fps 24.0 "
+                        "--adaptive --target-error 0.5 "),
+      std::string::npos)
+      << JobText(job);
+  EXPECT_NE(JobText(job).find(" --camera \"front door\" "), std::string::npos);
+  EXPECT_NE(JobText(job).find(" --cryptomatte --force levels=2 --force glossy=1\n"), std::string::npos);
 }
 
 TEST(Fate, IsTheExitCode) {

@@ -81,6 +81,49 @@ TEST_F(RunClientTest, NamesTheReasonWhyItCannotCompareByRegion) {
                        "--heatmap: expected a name that ends in .png; got 'map.jpg'\n");
 }
 
+TEST_F(RunClientTest, ConvertSaysThatAPictureIsMissing) {
+  EXPECT_EQ(Run({"convert", folder_.File("none.exr"), "-o", folder_.File("out.png")}), 4);
+  EXPECT_EQ(Err(), "lumifold: " + folder_.File("none.exr") + ": no such file\n");
+}
+
+TEST_F(RunClientTest, HelpOfACommandIsItsOwn) {
+  EXPECT_EQ(Run({"convert", "--help"}), 0);
+  const std::string help = Out();
+  EXPECT_THAT(help, testing::HasSubstr("\nExample: lumifold convert picture.exr -o picture.png"));
+  test_.out.str("");
+  EXPECT_EQ(Run({"help", "convert"}), 0);
+  EXPECT_EQ(Out(), help);
+  EXPECT_EQ(Run({"help", "kovert"}), 2);
+  EXPECT_EQ(Run({"help", "--help"}), 0);
+}
+
+TEST_F(RunClientTest, FiltersAPictureForADisplayWithAWarning) {
+  const std::string picture = folder_.Write("photo.png", "a photo");
+  const int files = folder_.FileCount();
+  test_.environment.local.displayed_reader = [&](const std::string& path) {
+    EXPECT_EQ(path, picture);
+    LayeredImage image(4, 3);
+    image.AddColor("");
+    image.Get("G").At(2, 1) = 0.5f;
+    return image;
+  };
+  test_.environment.local.film_filter = [](FilmSource* film, const std::string&, int,
+                                           const std::vector<std::string>&, const RowSink& sink) {
+    absl::StatusOr<EdgedImage> read = film->Read({0, 0, 4, 3});
+    if (!read.ok()) return read.status();
+    EXPECT_EQ(read->pixels.Get("noisy.G").At(2, 1), 0.5f);
+    LayeredImage rows(4, 3);
+    for (const char* layer : {"", "noisy"}) rows.AddColor(layer);
+    rows.Add("A");
+    return sink(rows);
+  };
+  EXPECT_EQ(Run({"filter", picture, "-o", folder_.File("out.exr")}), 0) << Err();
+  EXPECT_THAT(Err(), testing::HasSubstr("photo.png: a picture for a display: light brighter than white"));
+  EXPECT_EQ(folder_.FileCount(), files + 1) << "the copy is removed";
+  test_.environment.local.displayed_reader = nullptr;
+  EXPECT_EQ(Run({"filter", picture, "-o", folder_.File("out.exr")}), 1);
+}
+
 TEST_F(RunClientTest, InterruptedFilteringLeavesNoFile) {
   const std::string picture = folder_.File("picture.exr");
   LayeredImage image(4, 3);

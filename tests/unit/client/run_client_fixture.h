@@ -42,6 +42,7 @@ class RunClientTest : public testing::Test {
     image.AddColor("noisy");
     EXPECT_EQ(WriteExr(folder_.File("result"), image), absl::OkStatus());
     farm_.result = folder_.Read("result");
+    farm_.jobs = {{"job-1", Job(v1::JOB_STATE_RUNNING)}};
     farm_.watched = {Job(v1::JOB_STATE_RUNNING), Job(v1::JOB_STATE_DONE)};
   }
 

@@ -12,6 +12,7 @@ namespace {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::IsEmpty;
 using testing::StartsWith;
 
 TEST_F(RunClientTest, RefusesOutputsBeforeAnyWork) {
@@ -59,6 +60,20 @@ TEST_F(RunClientTest, PrintsTheIdOfASubmittedJobAlone) {
   EXPECT_EQ(spec.scene().display_name(), "room.gltf");
   EXPECT_EQ(spec.scene().dependencies(0).uri(), "mesh.bin");
   EXPECT_EQ(farm_.submissions()[0].request_id().size(), 32u);
+}
+
+TEST_F(RunClientTest, UploadsNothingOfASceneThatAWorkerWouldRefuse) {
+  test_.environment.local.scene_check = [](const v1::JobSpec& spec, const SceneAssets& assets) {
+    EXPECT_EQ(assets.size(), 2u);
+    EXPECT_EQ(spec.scene().display_name(), "room.gltf");
+    return spec.camera() == "top" ? absl::NotFoundError("room.gltf: no camera 'top'")
+                                  : absl::InvalidArgumentError("room.gltf: needs EXT_new");
+  };
+  EXPECT_EQ(Run({"submit", scene_, "--camera", "top"}), 4);
+  EXPECT_EQ(Run({"submit", scene_}), 1);
+  EXPECT_EQ(Err(), "lumifold: room.gltf: no camera 'top'\nlumifold: room.gltf: needs EXT_new\n");
+  EXPECT_THAT(farm_.uploads(), IsEmpty());
+  EXPECT_THAT(farm_.submissions(), IsEmpty());
 }
 
 TEST_F(RunClientTest, SendsTheFramesAndTheirSpeed) {
@@ -239,6 +254,7 @@ TEST_F(RunClientTest, ListsJobsUpToTheLimit) {
 }
 
 TEST_F(RunClientTest, ListsJobsPageByPageWithFilters) {
+  farm_.jobs.clear();
   for (int i = 0; i < 5; ++i) {
     const std::string id = "j-" + std::to_string(i);
     farm_.jobs[id] = Job(v1::JOB_STATE_DONE);
@@ -264,6 +280,7 @@ TEST_F(RunClientTest, ListsJobsPageByPageWithFilters) {
 
 TEST_F(RunClientTest, SendsHowAJobIsScheduled) {
   test_.environment.defaults.user = "ann";
+  farm_.jobs = {{"j-1", Job(v1::JOB_STATE_RUNNING)}, {"j-2", Job(v1::JOB_STATE_RUNNING)}};
   EXPECT_EQ(Run({"submit", scene_, "--priority", "-20", "--tag", "gpu,night", "--tag", "big", "--max-leases",
                  "7", "--after", "j-1", "--after", "j-2", "--class", "lumifold/avx2", "--paused",
                  "--audit-share", "0.25"}),
@@ -285,6 +302,29 @@ TEST_F(RunClientTest, SendsHowAJobIsScheduled) {
   EXPECT_EQ(Run({"submit", scene_, "--tag", "a,,b"}), 2);
   EXPECT_THAT(Err(), HasSubstr("--audit-share: expected a number from 0 to 1; got '1.5'"));
   EXPECT_THAT(Err(), HasSubstr("--tag: expected a non-empty text"));
+}
+
+TEST_F(RunClientTest, AWorkerThatIsNotThereIsNotFound) {
+  EXPECT_EQ(Run({"workers", "node-99"}), 4);
+  EXPECT_THAT(Err(), HasSubstr("no worker 'node-99'"));
+}
+
+TEST_F(RunClientTest, PrintsUsageByUserAndJob) {
+  EXPECT_EQ(Run({"usage", "--since", "2026-11-01", "--until", "2026-12-01", "--user", "ann"}), 0) << Err();
+  EXPECT_THAT(farm_.calls(), ElementsAre(R"(GetUsage since_unix_ms: 1793491200000 )"
+                                         R"(until_unix_ms: 1796083200000 user: "ann")"));
+  EXPECT_THAT(
+      Out(),
+      HasSubstr("2                    ann                       3.000          1.000        20        4\n"));
+  EXPECT_THAT(
+      Out(),
+      HasSubstr("job-2                ben                       1.500          0.500        10        2\n"));
+  EXPECT_EQ(Run({"usage", "--json"}), 0);
+  EXPECT_THAT(Out(),
+              HasSubstr(R"({"schema_version":1,"job_id":"job-1","user":"ann","render_core_seconds":5400.0,)"
+                        R"("finish_core_seconds":1800.0,"units":10,"frames":2})"));
+  EXPECT_EQ(Run({"usage", "--since", "yesterday"}), 2);
+  EXPECT_THAT(Err(), HasSubstr("--since: expected a day such as 2026-11-01; got 'yesterday'"));
 }
 
 TEST_F(RunClientTest, ChangesAJob) {
@@ -409,6 +449,7 @@ TEST_F(RunClientTest, PrintsTheLogOfAJobOrAWorker) {
   event.set_unix_ms(1'000);
   event.set_level("warn");
   event.set_text("event=unit_failed");
+  farm_.jobs = {{"j-1", Job(v1::JOB_STATE_RUNNING)}};
   EXPECT_EQ(Run({"logs", "j-1"}), 0);
   EXPECT_EQ(Run({"logs", "node:1", "--limit", "5", "--json"}), 0);
   EXPECT_EQ(Out(),

@@ -1,9 +1,13 @@
 #include "filter/image/exr_copy.h"
 
+#include <ImfChannelList.h>
+#include <ImfHeader.h>
 #include <ImfMultiPartInputFile.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
+#include <vector>
 
 #include "filter/image/exr_io.h"
 #include "filter/image/file_io.h"
@@ -63,6 +67,40 @@ TEST_F(ExrCopy, LosslessCompressionsKeepEveryBit) {
     ExpectSameImage(Copied().edges, CopiedPicture().edges);
     ExpectSameImage(Copied().fragments, CopiedPicture().fragments);
   }
+}
+
+TEST_F(ExrCopy, ALeanCopyHasWhatCompositorsUse) {
+  EdgedImage bright = CopiedPicture();
+  bright.pixels.Get("R").At(1, 140) = 1e9f;
+  bright.pixels.Get("G").At(1, 140) = -1e9f;
+  ASSERT_EQ(WriteExr(Path("from.exr"), bright), absl::OkStatus());
+  ASSERT_EQ(Copy({.is_lean = true}), absl::OkStatus());
+  EXPECT_EQ(Parts(), 1);
+  const Imf::MultiPartInputFile file(Path("to.exr").c_str());
+  const Imf::ChannelList& channels = file.header(0).channels();
+  std::vector<std::string> halves;
+  std::vector<std::string> floats;
+  for (auto it = channels.begin(); it != channels.end(); ++it)
+    (it.channel().type == Imf::HALF ? halves : floats).emplace_back(it.name());
+  EXPECT_EQ(halves, (std::vector<std::string>{"A", "B", "G", "N.X", "N.Y", "N.Z", "R"}));
+  EXPECT_EQ(floats, (std::vector<std::string>{"CryptoObject00.A", "CryptoObject00.B", "CryptoObject00.G",
+                                              "CryptoObject00.R", "id.Y"}));
+  const EdgedImage lean = Copied();
+  const LayeredImage full = CopiedPicture().pixels;
+  for (int y = 0; y < 150; ++y) {
+    EXPECT_NEAR(lean.pixels.Get("B").At(3, y), full.Get("B").At(3, y), 1e-3f);
+    EXPECT_EQ(lean.pixels.Get("CryptoObject00.R").At(3, y), full.Get("CryptoObject00.R").At(3, y));
+    EXPECT_EQ(lean.pixels.Get("id.Y").At(3, y), full.Get("id.Y").At(3, y));
+  }
+  EXPECT_EQ(lean.pixels.Get("R").At(1, 140), 65504);
+  EXPECT_EQ(lean.pixels.Get("G").At(1, 140), -65504);
+  EXPECT_EQ(lean.pixels.metadata().at("lumifold.scene"), "room.glb");
+}
+
+TEST_F(ExrCopy, ALeanCopyHasLayersAsPartsAndLosesAsLittleWithDwaa) {
+  ASSERT_EQ(Copy({.compression = "dwaa", .layers_as_parts = true, .is_lean = true}), absl::OkStatus());
+  EXPECT_EQ(Parts(), 4) << "rgba, CryptoObject00, N, id";
+  EXPECT_NEAR(Copied().pixels.Get("G").At(2, 99), CopiedPicture().pixels.Get("G").At(2, 99), 0.05f);
 }
 
 TEST_F(ExrCopy, LayersBecomePartsAndAreReadBack) {

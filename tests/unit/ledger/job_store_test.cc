@@ -484,6 +484,42 @@ TEST_P(JobStoreTest, AnEndedJobIsReopenedForAnotherOwner) {
   EXPECT_EQ(*store_->CreateJob(Job("j-b", "r-1")), JobId("j-a"));  // still the same request
 }
 
+TEST_P(JobStoreTest, UsageCountsEachUnitAndFrameOnceAndOutlivesTheJob) {
+  const absl::Time day = absl::FromCivil(absl::CivilHour(2026, 11, 3, 12), absl::UTCTimeZone());
+  const auto usage = [&](int first, int last, const std::string& user = "") {
+    return *store_->Usage(
+        {.since = day + absl::Hours(24 * first), .until = day + absl::Hours(24 * last), .user = user});
+  };
+  NewJob job = Job("j-a", "r-1");
+  job.scheduling.set_user("ann");
+  ASSERT_TRUE(store_->CreateJob(job).ok());
+  JobCommit commit = Commit("j-a", {Unit("j-a", 0, 0, 0), Unit("j-a", 0, 1, 0), Unit("j-a", 0, 2, 0)});
+  commit.units[0].cost = UnitCost{day, 1.5};
+  commit.units[1].cost = UnitCost{day + absl::Hours(24), 2};
+  for (int i = 0; i < 2; ++i) ASSERT_TRUE(CommitOne(commit).ok()) << "a repeated call";
+  v1::FrameReport report;
+  report.set_core_seconds(8);
+  report.set_finished_unix_ms(absl::ToUnixMillis(day));
+  report.mutable_times()->set_filter_seconds(3);
+  report.mutable_times()->set_write_seconds(1);
+  for (int i = 0; i < 2; ++i) ASSERT_TRUE(store_->RecordFrame(Owned("j-a"), 0, report).ok());
+  Reopen();
+  ASSERT_THAT(usage(0, 1), SizeIs(1));
+  EXPECT_EQ(usage(0, 1)[0].job, JobId("j-a"));
+  EXPECT_EQ(usage(0, 1)[0].user, "ann");
+  EXPECT_EQ(usage(0, 1)[0].work.units, 1);
+  EXPECT_EQ(usage(0, 1)[0].work.render_seconds, 1.5);
+  EXPECT_EQ(usage(0, 1)[0].work.frames, 1);
+  EXPECT_EQ(usage(0, 1)[0].work.finish_seconds, 8);
+  EXPECT_EQ(usage(0, 2)[0].work.render_seconds, 3.5);
+  EXPECT_EQ(usage(1, 2)[0].work.frames, 0);
+  EXPECT_THAT(usage(2, 9), IsEmpty());
+  EXPECT_THAT(usage(0, 9, "ben"), IsEmpty());
+  ASSERT_TRUE(store_->EndJob(Owned("j-a"), v1::JOB_STATE_DONE, "").ok());
+  ASSERT_TRUE(store_->DeleteJob(JobId("j-a")).ok());
+  EXPECT_EQ(usage(0, 2, "ann")[0].work.units, 2);
+}
+
 TEST_P(JobStoreTest, FramesOfARunningJobAreReopened) {
   ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
   ASSERT_TRUE(CommitOne(Commit("j-a", {Unit("j-a", 0, 0, 0), Unit("j-a", 1, 0, 0)})).ok());

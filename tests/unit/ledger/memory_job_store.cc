@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "server/job/limits.h"
+#include "server/ledger/sql_usage.h"
 
 namespace lumifold::ledger {
 namespace {
@@ -39,7 +40,8 @@ struct MemoryState {
   int64_t next = 0;
   std::map<int64_t, StoredJob> jobs;  // by the negative of the number: newest first
   std::map<std::string, std::string> blocked;
-  int64_t garbage = 0;  // rows that PurgeUnits may delete
+  int64_t garbage = 0;                                        // rows that PurgeUnits may delete
+  std::map<std::pair<int64_t, std::string>, JobUsage> usage;  // by day and job
 };
 
 namespace {
@@ -165,6 +167,11 @@ class MemoryJobStore final : public JobStore {
     frame.is_finished = true;
     garbage_ += static_cast<int64_t>(frame.units.size());
     const v1::StageTimes& times = report.times();
+    if (report.finished_unix_ms() > 0) {
+      JobUsage& usage = UsageOf(*job, DayOf(absl::FromUnixMillis(report.finished_unix_ms())));
+      ++usage.work.frames;
+      usage.work.finish_seconds += report.core_seconds();
+    }
     v1::StageTimes& sum = job->record.times;
     sum.set_render_seconds(std::max(sum.render_seconds(), times.render_seconds()));
     sum.set_assemble_seconds(sum.assemble_seconds() + times.assemble_seconds());
@@ -215,12 +222,34 @@ class MemoryJobStore final : public JobStore {
     job->record.owner = owner;
     job->record.spec = reopening.spec;
     job->record.scheduling = reopening.scheduling;
+    job->record.counted = reopening.counted;
     Count(job);
     const bool is_bound = std::any_of(job->frames.begin(), job->frames.end(), [](const auto& entry) {
       return entry.second.is_finished || !entry.second.units.empty();
     });
     if (!is_bound) job->record.numeric_class = "";
     return absl::OkStatus();
+  }
+
+  absl::StatusOr<std::vector<JobUsage>> Usage(const UsageFilter& filter) override {
+    std::map<std::pair<std::string, std::string>, JobUsage> sums;
+    for (const auto& [key, of_day] : state_->usage) {
+      if (key.first < DayOf(filter.since) || key.first >= DayOf(filter.until)) continue;
+      if (!filter.user.empty() && of_day.user != filter.user) continue;
+      JobUsage& sum = sums[{key.second, of_day.user}];
+      sum.job = of_day.job;
+      sum.user = of_day.user;
+      sum.work.units += of_day.work.units;
+      sum.work.render_seconds += of_day.work.render_seconds;
+      sum.work.frames += of_day.work.frames;
+      sum.work.finish_seconds += of_day.work.finish_seconds;
+    }
+    std::vector<JobUsage> usage;
+    for (const auto& [key, sum] : sums) usage.push_back(sum);
+    std::stable_sort(usage.begin(), usage.end(), [](const JobUsage& a, const JobUsage& b) {
+      return a.work.render_seconds + a.work.finish_seconds > b.work.render_seconds + b.work.finish_seconds;
+    });
+    return usage;
   }
 
   absl::Status SetScheduling(const OwnedJob& owned, const v1::Scheduling& scheduling) override {
@@ -312,6 +341,13 @@ class MemoryJobStore final : public JobStore {
     }
   }
 
+  JobUsage& UsageOf(const StoredJob& job, int64_t day) {
+    JobUsage& usage = state_->usage[{day, job.record.id.value()}];
+    usage.job = job.record.id;
+    usage.user = job.record.scheduling.user();
+    return usage;
+  }
+
   absl::Status CommitJob(const JobCommit& commit) {
     StoredJob* job = Find(commit.job.job);
     if (absl::Status status = CheckOwned(commit.job, job); !status.ok()) return status;
@@ -334,7 +370,13 @@ class MemoryJobStore final : public JobStore {
       if (is_finished || known != nullptr || !units.emplace(unit.unit.key, unit).second)
         return absl::AlreadyExistsError(Describe(unit.unit));
     }
-    for (const auto& [key, unit] : units) job->frames[key.frame].units.emplace(key, unit);
+    for (const auto& [key, unit] : units) {
+      job->frames[key.frame].units.emplace(key, unit);
+      if (!unit.cost.has_value()) continue;
+      JobUsage& usage = UsageOf(*job, DayOf(unit.cost->at));
+      ++usage.work.units;
+      usage.work.render_seconds += unit.cost->seconds;
+    }
     Count(job);
     if (job->record.numeric_class.empty()) {
       job->record.numeric_class = commit.numeric_class;

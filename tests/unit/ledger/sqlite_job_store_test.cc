@@ -181,6 +181,7 @@ TEST_F(SqliteJobStoreTest, PurgedRowsAndDeletedJobsLeaveNothing) {
 
 TEST_F(SqliteJobStoreTest, ALedgerOfSchema3GetsTheColumnOfErrors) {
   ASSERT_TRUE(Open()->CreateJob(Job("j-a", "r-1")).ok());
+  RunSql(kFromSchema6To5);
   RunSql(kFromSchema5To4);
   RunSql(kFromSchema4To3);
   RunSql("PRAGMA user_version=3");
@@ -195,12 +196,23 @@ TEST_F(SqliteJobStoreTest, ALedgerOfSchema3GetsTheColumnOfErrors) {
 
 TEST_F(SqliteJobStoreTest, ALedgerOfSchema4GetsTheRoster) {
   ASSERT_TRUE(Open()->CreateJob(Job("j-a", "r-1")).ok());
+  RunSql(kFromSchema6To5);
   RunSql(kFromSchema5To4);
   RunSql("PRAGMA user_version=4");
   const std::unique_ptr<JobStore> store = Open();
   ASSERT_NE(store, nullptr);
   EXPECT_EQ(store->GetJob(JobId("j-a"))->estimated_error, std::nullopt);
   RunSql("SELECT epoch, demand FROM coordinators");
+}
+
+TEST_F(SqliteJobStoreTest, ALedgerOfSchema5GetsItsUsage) {
+  ASSERT_TRUE(Open()->CreateJob(Job("j-a", "r-1")).ok());
+  RunSql(kFromSchema6To5);
+  RunSql("PRAGMA user_version=5");
+  const std::unique_ptr<JobStore> store = Open();
+  ASSERT_NE(store, nullptr);
+  EXPECT_EQ(store->GetJob(JobId("j-a"))->counted, job::Attempt(0));
+  EXPECT_TRUE(store->Usage({.since = absl::UnixEpoch(), .until = absl::UnixEpoch()}).ok());
 }
 
 TEST_F(SqliteJobStoreTest, ALedgerOfALaterVersionIsRefusedByName) {

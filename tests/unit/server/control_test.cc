@@ -249,6 +249,24 @@ TEST_F(ControlTest, ListsConnectedAndBlockedWorkersInPages) {
   EXPECT_TRUE(absl::IsInvalidArgument(Call<v1::ListWorkersResponse>(&Stub::ListWorkers, request).status()));
 }
 
+TEST_F(ControlTest, AWorkerIsListedWithItsLastFramesAlsoWhenItIsGone) {
+  const std::string job = *Submit(Spec());
+  v1::ListWorkersRequest request;
+  {
+    const auto worker = Worker();
+    EXPECT_EQ(WaitForEnd(job).state(), v1::JOB_STATE_DONE);
+    request.set_worker(Call<v1::ListWorkersResponse>(&Stub::ListWorkers, request)->workers(0).name());
+  }
+  const v1::ListWorkersResponse listed = *Call<v1::ListWorkersResponse>(&Stub::ListWorkers, request);
+  ASSERT_EQ(listed.workers_size(), 1);
+  ASSERT_EQ(listed.workers(0).history_size(), 1);
+  EXPECT_EQ(listed.workers(0).history(0).job_id(), job);
+  EXPECT_EQ(listed.workers(0).history(0).units(), kUnits);
+  EXPECT_GE(listed.workers(0).history(0).last_unix_ms(), listed.workers(0).history(0).first_unix_ms());
+  request.set_worker("nobody");
+  EXPECT_EQ(Call<v1::ListWorkersResponse>(&Stub::ListWorkers, request)->workers_size(), 0);
+}
+
 TEST_F(ControlTest, ADrainedWorkerIsToldAndGetsNoMoreLeases) {
   const std::string job = *Submit(Spec());
   const auto ann = Holder("ann");

@@ -270,7 +270,7 @@ TEST_F(BlocksTest, GoToWorkersSideBySideAndTheFrameWaitsForThem) {
   EXPECT_EQ(queue_->CountRunning(JobId("j-1")), 1);
   EXPECT_EQ(queue_->CountWaiting(JobId("j-1")), 0);
   for (const int block : {1, 0}) {
-    queue_->End(Block(block), kQueueStart);
+    queue_->End(Block(block), kQueueStart, /*block_seconds=*/2);
     Offer(true);
     EXPECT_FALSE(queue_->Begin(kQueueStart).has_value());
   }
@@ -281,6 +281,7 @@ TEST_F(BlocksTest, GoToWorkersSideBySideAndTheFrameWaitsForThem) {
   ASSERT_TRUE(whole.has_value());
   EXPECT_EQ(whole->block, FramePart::kWhole);
   EXPECT_THAT(whole->due.blocks.done, ElementsAre(1, 0, 2));
+  EXPECT_EQ(whole->due.blocks.seconds, 4);
   EXPECT_TRUE(queue_->waiting().empty());
 }
 

@@ -107,7 +107,6 @@ class JobLifeTest : public FarmFixture {
     StartServer(options);
   }
 
- private:
   template <typename Method, typename Request, typename Response>
   absl::Status Call(Method method, const Request& request, Response* response) {
     grpc::ClientContext context;
@@ -274,6 +273,27 @@ TEST_F(JobLifeTest, AJobIsDoneWithoutTheFramesThatItSkips) {
   ASSERT_TRUE(Retry(job).ok());
   EXPECT_EQ(Render(job), kUnits);
   EXPECT_EQ(*Download(job, 1), *Download(whole, 1));
+}
+
+TEST_F(JobLifeTest, UsageOfUnitsThatAReopenedJobKeepsCountsOnce) {
+  const auto usage = [this] {
+    v1::GetUsageResponse response;
+    EXPECT_TRUE(Call(&v1::FarmService::Stub::GetUsage, v1::GetUsageRequest(), &response).ok());
+    return response;
+  };
+  const std::string job = DoneJob("done");
+  ASSERT_EQ(usage().jobs_size(), 1);
+  EXPECT_EQ(usage().jobs(0).units(), kUnits);
+  EXPECT_EQ(usage().jobs(0).frames(), 1);
+  EXPECT_GT(usage().jobs(0).finish_seconds(), 0);
+  ASSERT_TRUE(Retry(job, [](auto& request) { request.set_filter_only(true); }).ok());
+  StopServer();
+  StartServer();
+  EXPECT_EQ(Render(job), 0);
+  EXPECT_EQ(usage().jobs(0).units(), kUnits) << "they are kept";
+  EXPECT_EQ(usage().jobs(0).frames(), 2) << "it was finished again";
+  ASSERT_TRUE(Delete(job).ok());
+  EXPECT_EQ(usage().jobs_size(), 1);
 }
 
 TEST_F(JobLifeTest, AJobWaitsForOthersAndThenRuns) {

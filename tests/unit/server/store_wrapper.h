@@ -44,6 +44,9 @@ class StoreWrapper : public ledger::JobStore {
                            absl::FunctionRef<void(const ledger::UnitRecord&)> visit) override {
     return Call("ForEachUnit", [&] { return store_->ForEachUnit(job, frame, visit); });
   }
+  absl::StatusOr<std::vector<ledger::JobUsage>> Usage(const ledger::UsageFilter& filter) override {
+    return Call("Usage", [&] { return store_->Usage(filter); });
+  }
   absl::Status RecordFrame(const ledger::OwnedJob& job, int32_t frame,
                            const v1::FrameReport& report) override {
     return Call("RecordFrame", [&] { return store_->RecordFrame(job, frame, report); });

@@ -272,7 +272,7 @@ function followPicture() {
   loops = new AbortController();
   if (!hasPicture(state.jobs.get(state.job))) return;
   const {job, frame} = state;
-  for (const layer of new Set(viewer.layers)) {
+  for (const layer of viewer.seen) {
     followPreview({job, frame, layer}, loops.signal, (picture) => {
       fillLayers($("layer-a"), picture.layers, viewer.layers[0]);
       fillLayers($("layer-b"), picture.layers, viewer.layers[1]);
@@ -295,7 +295,7 @@ async function followPieces(names) {
   closeLoops = new AbortController();
   const {signal} = closeLoops;
   const {job, frame} = state;
-  const layers = [...new Set(viewer.layers)];
+  const layers = viewer.seen;
   for (const region of names) {
     const fetched = layers.map((layer) => {
       const show = (picture) => viewer.showPiece(region, layer, picture);
@@ -311,6 +311,13 @@ function chooseLayer(side, layer) {
   $(side ? "layer-b" : "layer-a").value = layer;
   if (viewer.previews.get(layer)?.finished) viewer.draw();
   else followPicture();
+  viewer.lookCloser();
+}
+
+/** A side that comes into sight is fetched. */
+function moveSplit() {
+  viewer.draw();
+  if (viewer.size && viewer.seen.some((layer) => !viewer.previews.has(layer))) followPicture();
   viewer.lookCloser();
 }
 
@@ -364,7 +371,7 @@ const KEYS = {
   },
   c: () => {
     $("split").value = Number($("split").value) < 1000 ? 1000 : 500;
-    viewer.draw();
+    moveSplit();
   },
   ",": () => strip.step(-1, state.frame), ".": () => strip.step(1, state.frame),
   " ": () => strip.frames?.length > 1 && strip.toggle(),
@@ -393,6 +400,7 @@ function listen() {
   for (const [side, id] of [[0, "layer-a"], [1, "layer-b"]]) {
     $(id).addEventListener("change", (event) => chooseLayer(side, event.target.value));
   }
+  $("split").addEventListener("input", moveSplit);
   $("exposure").addEventListener("input", (event) => expose(Number(event.target.value)));
   $("transform").addEventListener("change", (event) => {
     viewer.transform = event.target.value;

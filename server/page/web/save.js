@@ -32,11 +32,10 @@ export async function savePng(job, frame, viewer, progress) {
   const context = canvas.getContext("2d");
   const middle = viewer.middleOf(width);
   const grid = gridOf(width, height);
-  const layers = [...(middle > 0 ? [viewer.layers[0]] : []), ...(middle < width ? [viewer.layers[1]] : [])];
   for (const [number, [x0, y0, x1, y1]] of grid.entries()) {
     progress(number / grid.length);
     const previews = new Map();
-    for (const layer of new Set(layers)) {
+    for (const layer of viewer.seen) {
       const name = [x0, y0, x1, y1].join();
       const held = viewer.pieces.get(name)?.previews.get(layer);
       previews.set(layer, held ?? await preview(job.job_id, frame, layer, 0, undefined, name));

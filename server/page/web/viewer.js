@@ -47,7 +47,6 @@ export class Viewer {
     this.transform = "srgb";
     this.fitted = true;
     this.pointers = new Map();
-    this.split.addEventListener("input", () => this.draw());
     this.viewer.addEventListener("wheel", (event) => {
       event.preventDefault();
       this.zoomBy(2 ** (-event.deltaY / 300), event);
@@ -89,6 +88,12 @@ export class Viewer {
     this.size = largest;
     if (this.fitted) this.fit();
     else this.place();
+  }
+
+  /** The layers that are seen: of one side where the split leaves none of the other. */
+  get seen() {
+    const at = Number(this.split.value);
+    return [...new Set([...(at > 0 ? [this.layers[0]] : []), ...(at < 1000 ? [this.layers[1]] : [])])];
   }
 
   /** The column of a picture of this width where B begins. */
@@ -174,11 +179,11 @@ export class Viewer {
     clearTimeout(this.looking);
     this.looking = setTimeout(() => {
       const names = this.visiblePieces();
-      const wanted = names.length ? [...names, ...this.layers].join(" ") : "";
+      const wanted = names.length ? [...names, ...this.seen].join(" ") : "";
       if (wanted === this.wanted) return;
       if (!names.length && !this.isFinished) return this.leavePieces();
       this.wanted = wanted;
-      const lacks = (name) => this.layers.some((layer) => !this.pieces.get(name)?.previews.has(layer));
+      const lacks = (name) => this.seen.some((layer) => !this.pieces.get(name)?.previews.has(layer));
       this.wantPieces(this.isFinished ? names.filter(lacks) : names);
     }, PIECES_PAUSE_MS);
   }

@@ -62,7 +62,8 @@ export function showFacts(elements, job, left) {
   elements.state.className = `state ${state.split(" ")[0]}`;
   elements.progress.setAttribute("aria-valuenow", percent);
   elements.progress.firstElementChild.style.width = `${percent}%`;
-  const facts = [`${job.width} × ${job.height}`, `${job.samples_per_pixel} samples`];
+  const samples = job.samples_per_pixel === 1 ? "1 sample" : `${job.samples_per_pixel} samples`;
+  const facts = [`${job.width} × ${job.height}`, samples];
   if (!hasEnded(job)) facts.push(`${percent} %, ${job.units_done} of ${job.units_total} units`);
   if (job.frames_total > 1) facts.push(`${job.frames_done} of ${job.frames_total} frames`);
   if (job.frames_skipped) facts.push(`${job.frames_skipped} skipped: ${skippedFrames(job)}`);

@@ -395,6 +395,13 @@ absl::Status ServerImpl::ShowPage() {
          if (!found.ok()) return found.status();
          return found->identity();
        },
+       .owner_of_token = [this](absl::string_view token) -> absl::StatusOr<access::Identity> {
+         if (access_.control == nullptr) return absl::UnauthenticatedError("there are no tokens");
+         const absl::StatusOr<access::Credential> found =
+             access_.control->known().OfToken({token.data(), token.size()}, options_.wall_now());
+         if (!found.ok()) return found.status();
+         return found->identity();
+       },
        .wall_now = options_.wall_now});
   if (!page.ok()) return page.status();
   page_ = *std::move(page);

@@ -1,7 +1,6 @@
 #include "client/options/job_options.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <filesystem>
 #include <utility>

@@ -6,7 +6,8 @@ set -euo pipefail
 package=$1 bin=$2 share=$3 contact=$4
 root=$(cd "$(dirname "$0")/../.." && pwd)
 program=$bin/$package
-version=$("$program" --version | sed -nE "s/^$package ([0-9.]+).*/\1/p")
+[ "$package" = python3-lumifold ] && program=$bin/lumifold  # its version is that of the client
+version=$("$program" --version | sed -nE "s/^$(basename "$program") ([0-9.]+).*/\1/p")
 # The same sources make the same packages.
 seconds=${SOURCE_DATE_EPOCH:-$(git -C "$root" log -1 --format=%ct 2>/dev/null || stat -c %Y "$root/CHANGELOG.md")}
 
@@ -25,7 +26,7 @@ if [ "$package" = lumifold ]; then
     name=${shell%%/*}
     "$program" completion "${name%-completion}" >"$share/$shell"
   done
-else
+elif [ "$package" != python3-lumifold ]; then
   # The first line of the help is the summary; the version is without the numeric class of this machine.
   name=$("$program" --help | sed -n 1p)
   SOURCE_DATE_EPOCH=$seconds help2man --no-info --section 8 --name "${name%%[:.]*}" --version-string "$package $version" "$program" | write "man/man8/$package.8"
@@ -39,4 +40,5 @@ $package ($version-1) stable; urgency=medium
 
  -- $contact  $(LC_ALL=C date -u -R -d "@$seconds")
 END
+[ "$package" = python3-lumifold ] && exit  # it is linked with nothing
 "$root/deploy/packages/inventory.py" "$program" --time "$seconds" >"$share/doc/$package/$package.cdx.json"

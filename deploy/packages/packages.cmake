@@ -1,4 +1,4 @@
-# Debian packages, one for each program: cmake --build build/release --target package
+# Debian packages, one for each program, and the Python package: cmake --build build/release --target package
 include(GNUInstallDirs)
 set(lumifold_packages lumifold lumifold-server lumifold-worker lumifold-autoscale)
 set(lumifold_services lumifold-server lumifold-worker lumifold-autoscale)
@@ -55,9 +55,28 @@ foreach(package IN LISTS lumifold_services)
   list(APPEND CPACK_DEBIAN_${component}_PACKAGE_CONTROL_EXTRA ${lumifold_scripts}/${package}/conffiles)
 endforeach()
 
+# The Python package, without a program: its users are scripts.
+install(DIRECTORY ${PROJECT_BINARY_DIR}/client/python/lumifold DESTINATION lib/python3/dist-packages COMPONENT python3-lumifold
+  FILES_MATCHING PATTERN "*.py" PATTERN "py.typed" PATTERN "__pycache__" EXCLUDE)
+install(FILES ${CMAKE_CURRENT_LIST_DIR}/copyright DESTINATION share/doc/python3-lumifold COMPONENT python3-lumifold)
+install(CODE "execute_process(COMMAND \"${CMAKE_CURRENT_LIST_DIR}/documents.sh\" python3-lumifold \"${CMAKE_RUNTIME_OUTPUT_DIRECTORY}\"
+    \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/share\" \"${LUMIFOLD_PACKAGE_CONTACT}\" COMMAND_ERROR_IS_FATAL ANY)"
+  COMPONENT python3-lumifold)
+set(CPACK_DEBIAN_PYTHON3-LUMIFOLD_PACKAGE_NAME python3-lumifold)
+set(CPACK_DEBIAN_PYTHON3-LUMIFOLD_DESCRIPTION "Python package of the Lumifold render farm
+Submits scenes to a farm from scripts, follows their jobs and saves pictures.")
+set(CPACK_DEBIAN_PYTHON3-LUMIFOLD_PACKAGE_ARCHITECTURE all)
+set(CPACK_DEBIAN_PYTHON3-LUMIFOLD_PACKAGE_SECTION python)
+set(CPACK_DEBIAN_PYTHON3-LUMIFOLD_PACKAGE_SHLIBDEPS OFF)
+set(CPACK_DEBIAN_PYTHON3-LUMIFOLD_PACKAGE_DEPENDS "python3:any, python3-grpcio, python3-protobuf, python3-xxhash")
+
+# What scripts in other languages need comes with the client.
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/proto/lumifold DESTINATION share/lumifold/proto COMPONENT lumifold FILES_MATCHING PATTERN "*.proto")
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs/schemas DESTINATION share/lumifold COMPONENT lumifold)
+
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")  # each package has its own
-set(CPACK_COMPONENTS_ALL ${lumifold_packages})
+set(CPACK_COMPONENTS_ALL ${lumifold_packages} python3-lumifold)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)

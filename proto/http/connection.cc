@@ -61,11 +61,11 @@ Response Call(const ServerOptions& options, const Request& request) {
   }
 }
 
-std::optional<std::string> NextPiece(const Response& response) {
+absl::StatusOr<std::optional<std::string>> NextPiece(const Response& response) {
   try {
     return response.stream();
   } catch (...) {
-    return std::nullopt;
+    return absl::InternalError("the stream has thrown");
   }
 }
 
@@ -114,7 +114,7 @@ void Connection::Stop() {
     Close();
   } else if (pieces_.pauses) {
     CancelStep();
-    SendPiece(std::nullopt);
+    SendPiece(Piece(std::nullopt));
   } else if (!out_.bytes.empty()) {
     ExtendWriteTime();
   }
@@ -219,7 +219,10 @@ void Connection::Answer(Response response) {
   pieces_.next_pause = absl::ZeroDuration();
   keeps_alive_ = keeps_alive_ && !shared_.is_stopping;
   std::string framing = keeps_alive_ ? "" : "Connection: close\r\n";
-  if (response_.stream != nullptr) {
+  if (response_.stream != nullptr && response_.stream_bytes.has_value()) {
+    pieces_.bytes_left = *response_.stream_bytes;
+    absl::StrAppend(&framing, "Content-Length: ", pieces_.bytes_left, "\r\n");
+  } else if (response_.stream != nullptr) {
     // Without chunks the body ends with the connection.
     if (is_http11_) framing += "Transfer-Encoding: chunked\r\n";
   } else if (response_.status != 204) {
@@ -234,19 +237,27 @@ void Connection::PullPiece() {
   pieces_.pauses = false;
   shared_.threads.Run([self = shared_from_this(), waits = net::make_work_guard(shared_.io)]() mutable {
     net::io_context& io = self->shared_.io;
-    std::optional<std::string> piece = NextPiece(self->response_);
+    Piece piece = NextPiece(self->response_);
     net::post(io, [self = std::move(self), piece = std::move(piece)] { self->SendPiece(piece); });
   });
 }
 
-void Connection::SendPiece(const std::optional<std::string>& piece) {
-  if (!piece.has_value() || shared_.is_stopping) {
+void Connection::SendPiece(const Piece& piece) {
+  const bool states_length = response_.stream_bytes.has_value();
+  const bool is_end = piece.ok() && (!piece->has_value() || shared_.is_stopping);
+  const size_t bytes = piece.ok() && piece->has_value() && !is_end ? (*piece)->size() : 0;
+  const bool has_other_length =
+      states_length && (bytes > pieces_.bytes_left || (is_end && pieces_.bytes_left > 0));
+  if (!piece.ok() || has_other_length) return Close();
+  const bool is_chunked = is_http11_ && !states_length;
+  if (is_end) {
     response_.stream = nullptr;
-    return Send(is_http11_ ? "0\r\n\r\n" : "");
+    return Send(is_chunked ? "0\r\n\r\n" : "");
   }
   pieces_.next_pause = response_.pause;
-  if (piece->empty() || !is_http11_) return Send(*piece);
-  Send(absl::StrCat(absl::Hex(piece->size()), "\r\n", *piece, "\r\n"));
+  pieces_.bytes_left -= states_length ? bytes : 0;
+  if (bytes == 0 || !is_chunked) return Send(**piece);
+  Send(absl::StrCat(absl::Hex(bytes), "\r\n", **piece, "\r\n"));
 }
 
 void Connection::Send(std::string bytes) {
@@ -277,7 +288,7 @@ void Connection::ExtendWriteTime() {
 void Connection::AfterSending() {
   out_.bytes.clear();
   if (response_.stream != nullptr) {
-    if (shared_.is_stopping) return SendPiece(std::nullopt);
+    if (shared_.is_stopping) return SendPiece(Piece(std::nullopt));
     pieces_.pauses = true;
     return After(pieces_.next_pause, &Connection::PullPiece);
   }

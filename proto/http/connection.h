@@ -68,7 +68,9 @@ class Connection final : public std::enable_shared_from_this<Connection> {
   struct PieceClock {
     bool pauses = false;  // before a piece
     absl::Duration next_pause;
+    uint64_t bytes_left = 0;  // of an answer that states its length
   };
+  using Piece = absl::StatusOr<std::optional<std::string>>;
   using Step = void (Connection::*)();
   using Transferred = std::function<void(boost::system::error_code, size_t)>;
 
@@ -88,7 +90,7 @@ class Connection final : public std::enable_shared_from_this<Connection> {
 
   void Answer(Response response);
   void PullPiece();
-  void SendPiece(const std::optional<std::string>& piece);
+  void SendPiece(const Piece& piece);
   void Send(std::string bytes);
   void SendMore();
   void ExtendWriteTime();

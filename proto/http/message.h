@@ -1,11 +1,13 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "absl/time/time.h"
 
@@ -36,9 +38,13 @@ struct Response {
   std::string body = {};
   Headers headers = {};
   /// If set, produces the body in place of `body`: pieces until nullopt, the end; an empty piece sends
-  /// nothing. Called by a thread of the handlers, `pause` after the piece before was sent. It is destroyed
-  /// when the connection ends.
-  std::function<std::optional<std::string>()> stream = nullptr;
+  /// nothing. An error closes the connection, so that the caller sees that its answer is not complete.
+  /// Called by a thread of the handlers, `pause` after the piece before was sent. It is destroyed when the
+  /// connection ends.
+  std::function<absl::StatusOr<std::optional<std::string>>()> stream = nullptr;
+  /// Bytes of all pieces, where that is known; the answer then states its length. With fewer or more the
+  /// connection is closed.
+  std::optional<uint64_t> stream_bytes = std::nullopt;
   absl::Duration pause = absl::ZeroDuration();
 };
 

@@ -25,10 +25,11 @@ constexpr absl::Duration kCallTime = absl::Seconds(30);
 /// one job may make.
 const std::map<std::string_view, bool>& PageCalls() {
   static const auto& calls = *new std::map<std::string_view, bool>{
-      {"AddSamples", false}, {"BlockWorker", false}, {"CancelJob", false},      {"DrainWorker", false},
-      {"ExplainJob", true},  {"GetJob", true},       {"GetLog", true},          {"GetServerStatus", false},
+      {"AddSamples", false}, {"BlockWorker", false}, {"CancelJob", false},      {"CreatePageLink", false},
+      {"DeleteJob", false},  {"DrainWorker", false}, {"ExplainJob", true},      {"FindMissingAssets", false},
+      {"FindUpload", false}, {"GetJob", true},       {"GetLog", true},          {"GetServerStatus", false},
       {"ListJobs", false},   {"ListWorkers", false}, {"PauseJob", false},       {"ReadmitWorker", false},
-      {"ResumeJob", false},  {"RetryJob", false},    {"SetJobPriority", false},
+      {"ResumeJob", false},  {"RetryJob", false},    {"SetJobPriority", false}, {"SubmitJob", false},
   };
   return calls;
 }
@@ -72,11 +73,15 @@ absl::StatusOr<std::string> FarmCalls::CallInJson(const v1::PageSession& session
   return JsonOf(*answer);
 }
 
+void FarmCalls::NameCaller(const v1::PageSession& session, grpc::ClientContext* context) {
+  if (!session.credential().empty()) context->AddMetadata(access::kInNameOfKey, session.credential());
+}
+
 absl::Status FarmCalls::Call(const v1::PageSession& session, const std::string& method,
                              const Message& request, Message* response) const {
   grpc::ClientContext context;
   context.set_deadline(rpc::MonotonicDeadline(kCallTime));
-  if (!session.credential().empty()) context.AddMetadata(access::kInNameOfKey, session.credential());
+  NameCaller(session, &context);
   grpc::TemplatedGenericStub<Message, Message> stub(channel_);
   absl::Notification done;
   absl::Status result;

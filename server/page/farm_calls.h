@@ -10,6 +10,10 @@
 #include "absl/strings/string_view.h"
 #include "lumifold/v1/farm.pb.h"
 
+namespace grpc {
+class ClientContext;
+}  // namespace grpc
+
 namespace google::protobuf {
 class Message;
 }  // namespace google::protobuf
@@ -32,6 +36,10 @@ class FarmCalls {
   /// Makes a unary call. Errors: those of the call.
   absl::Status Call(const v1::PageSession& session, const std::string& method,
                     const google::protobuf::Message& request, google::protobuf::Message* response) const;
+
+  /// For streams, whose calls need it too.
+  static void NameCaller(const v1::PageSession& session, grpc::ClientContext* context);
+  const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
 
  private:
   const std::shared_ptr<grpc::Channel> channel_;

@@ -11,7 +11,7 @@ namespace lumifold::page {
 namespace {
 
 /// Jobs and workers on the page, at most.
-constexpr int kMostJobs = 200;
+constexpr int kMostJobs = 500;
 constexpr int kMostWorkers = 500;
 /// What nobody has asked for in this time is forgotten.
 constexpr absl::Duration kMemory = absl::Seconds(30);

@@ -1,6 +1,8 @@
 #include "server/page/status_page.h"
 
+#include <algorithm>
 #include <atomic>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -17,11 +19,13 @@
 #include "proto/rpc/rect_codec.h"
 #include "proto/rpc/version.h"
 #include "proto/sockets/listening_sockets.h"
+#include "server/page/downloads.h"
 #include "server/page/farm_calls.h"
 #include "server/page/farm_view.h"
 #include "server/page/page_session.h"
 #include "server/page/request_checks.h"
 #include "server/page/shared_previews.h"
+#include "server/page/uploads.h"
 #include "server/page/web_files.h"
 
 namespace lumifold::page {
@@ -31,6 +35,10 @@ using http::Request;
 using http::Response;
 
 constexpr absl::string_view kCallPath = "/api/call/";
+/// How long a ticket is valid: a download begins at once.
+constexpr absl::Duration kTicketTime = absl::Minutes(1);
+/// Of an asset; that of the protocol.
+constexpr size_t kMaxPartBytes = size_t{1} << 20;
 constexpr int kDefaultHours = 12;
 constexpr int kMostHours = 720;
 /// Between two looks of a viewer at what has changed.
@@ -134,6 +142,7 @@ class StatusPageImpl final : public StatusPage {
     absl::StatusOr<std::unique_ptr<http::Server>> server =
         http::Server::Start({.listening = &listening_.sockets,
                              .certificate_path = options_.certificate_path,
+                             .limits = {.body_bytes = kMaxPartBytes},
                              .headers = {{"Content-Security-Policy", kContentSecurityPolicy},
                                          {"X-Content-Type-Options", "nosniff"},
                                          {"Referrer-Policy", "no-referrer"},
@@ -187,22 +196,45 @@ class StatusPageImpl final : public StatusPage {
 
   /// Null for what the page does not have.
   static Handler HandlerOf(absl::string_view path, absl::string_view method) {
+    if (method == "POST" && path == "/api/ticket") return &StatusPageImpl::AnswerTicket;
     if (method == "POST") return absl::StartsWith(path, kCallPath) ? &StatusPageImpl::AnswerCall : nullptr;
+    if (method == "PUT" && path == "/api/asset") return &StatusPageImpl::AnswerFor<AnswerUpload>;
     if (method != "GET" && method != "HEAD") return nullptr;
     if (path == "/api/session") return &StatusPageImpl::AnswerSession;
     if (path == "/api/events") return &StatusPageImpl::AnswerEvents;
     if (path == "/api/preview") return &StatusPageImpl::AnswerPreview;
+    if (path == "/api/result") return &StatusPageImpl::AnswerFor<AnswerResult>;
+    if (path == "/api/results") return &StatusPageImpl::AnswerFor<AnswerArchive>;
     return nullptr;
   }
 
   absl::StatusOr<Response> AnswerCaller(const Request& request, Handler handler) {
     if (handler == nullptr) return absl::NotFoundError("the page does not have this");
     absl::string_view token = request.Header("Authorization");
-    if (!absl::ConsumePrefix(&token, "Bearer "))
+    const std::optional<std::string> ticket = request.Parameter("ticket");
+    // What a browser saves as a file it fetches without headers of ours.
+    const bool is_download = handler == Handler(&StatusPageImpl::AnswerFor<AnswerResult>) ||
+                             handler == Handler(&StatusPageImpl::AnswerFor<AnswerArchive>);
+    if (token.empty() && is_download && ticket.has_value()) {
+      token = *ticket;
+    } else if (!absl::ConsumePrefix(&token, "Bearer ")) {
       return absl::UnauthenticatedError("this page needs a link: 'lumifold page'");
-    const absl::StatusOr<v1::PageSession> session = seal_.Open(token, options_.wall_now());
+    }
+    const absl::StatusOr<v1::PageSession> session = SessionOf(token);
     if (!session.ok()) return session.status();
     return (this->*handler)(*session, request);
+  }
+
+  /// Of a link, or of a token of the farm, which programs have.
+  absl::StatusOr<v1::PageSession> SessionOf(absl::string_view token) const {
+    absl::StatusOr<v1::PageSession> session = seal_.Open(token, options_.wall_now());
+    if (session.ok()) return session;
+    const absl::StatusOr<access::Identity> owner = options_.owner_of_token(token);
+    if (!owner.ok()) return session;
+    session.emplace();
+    session->set_credential(owner->id);
+    session->set_expires_unix_ms(std::numeric_limits<int64_t>::max());
+    return session;
   }
 
   absl::StatusOr<Response> AnswerSession(const v1::PageSession& session, const Request&) {
@@ -227,6 +259,21 @@ class StatusPageImpl final : public StatusPage {
         calls_.CallInJson(session, request.path.substr(kCallPath.size()), request.body);
     if (!json.ok()) return json.status();
     return Response{.content_type = "application/json", .body = *std::move(json)};
+  }
+
+  /// A session for downloads of one job, for a URL: it changes nothing and ends soon.
+  absl::StatusOr<Response> AnswerTicket(const v1::PageSession& session, const Request& request) {
+    v1::PageSession ticket = session;
+    if (ticket.job_id().empty()) ticket.set_job_id(request.Parameter("job").value_or(""));
+    if (ticket.job_id().empty()) return absl::InvalidArgumentError("a ticket is for a job");
+    const int64_t end = absl::ToUnixMillis(options_.wall_now() + kTicketTime);
+    ticket.set_expires_unix_ms(std::min(end, session.expires_unix_ms()));
+    return JsonResponse({{"ticket", seal_.Seal(ticket)}, {"expires_unix_ms", ticket.expires_unix_ms()}});
+  }
+
+  template <absl::StatusOr<Response> (*answer)(const FarmCalls&, const v1::PageSession&, const Request&)>
+  absl::StatusOr<Response> AnswerFor(const v1::PageSession& session, const Request& request) {
+    return answer(calls_, session, request);
   }
 
   absl::StatusOr<Response> AnswerPreview(const v1::PageSession& session, const Request& request) {

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 #include "absl/time/time.h"
 #include "lumifold/v1/farm.pb.h"
 #include "server/access/identity.h"
@@ -29,6 +30,8 @@ struct StatusPageOptions {
   std::string session_key;
   /// Who has a credential, of PageSession. Errors: kUnauthenticated where nobody has it any more.
   std::function<absl::StatusOr<access::Identity>(const std::string& credential)> identity_of;
+  /// Who has a token of the farm. Errors: kUnauthenticated.
+  std::function<absl::StatusOr<access::Identity>(absl::string_view token)> owner_of_token;
   std::function<absl::Time()> wall_now;
   /// Watching browsers at a time.
   int viewers = 128;

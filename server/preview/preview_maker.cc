@@ -127,8 +127,10 @@ void PreviewMaker::Renew(const Key& key) {
     const Frame& frame = frames_.at(key);
     Frame& whole = WholeOf(key);
     whole.begun = std::min(whole.begun, start);
-    request.urgent = IsUrgent(whole, start);
-    is_due = units.ok() && *units != frame.made_of && (start >= frame.next || *units == kFinishedUnits);
+    // A finished frame is not filtered, and its preview is made once.
+    const bool is_finished = units.ok() && *units == kFinishedUnits;
+    request.urgent = is_finished || IsUrgent(whole, start);
+    is_due = units.ok() && *units != frame.made_of && (start >= frame.next || is_finished);
   }
   if (is_due) {
     absl::StatusOr<v1::Preview> made = options_.make(key.job, key.frame, request);

@@ -33,7 +33,7 @@ struct PreviewOptions {
   /// ended without the frame.
   std::function<absl::StatusOr<int64_t>(const job::JobId& job, int32_t frame)> count_units;
   /// Share of time that is spent on the previews of a frame that are not urgent, so that viewers cost the
-  /// farm little. That of a finished frame is made at once.
+  /// farm little. That of a finished frame is made at once, and is urgent.
   double duty = 0.15;
   /// Previews of a frame are urgent as long as they have taken less time than this, and this share of the
   /// time since the first one began: those who wait for a picture soon see one, and those who look for hours

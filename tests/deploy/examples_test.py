@@ -1,6 +1,7 @@
 """The examples of docs/examples, against a real farm over TLS, with access control."""
 
 import json
+import os
 import pathlib
 import subprocess
 import sys
@@ -8,7 +9,7 @@ import tempfile
 import unittest
 
 import node_tools
-from farm import make_scene, run
+from farm import BIN, make_scene, run
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "integration"))
 from access_test import SecureFarm  # noqa: E402
@@ -39,13 +40,14 @@ class ExamplesTest(unittest.TestCase):
 
     def render(self, *arguments):
         return subprocess.run([PYTHON, EXAMPLES / "farm.py", self.scene, *arguments],
+                              env={**os.environ, "PYTHONPATH": str(BIN.parent / "client/python")},
                               text=True,
                               capture_output=True)
 
     def test_python_renders_and_node_watches(self):
         done = self.render(self.root / "out.exr")
         self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertIn("JOB_STATE_DONE", done.stderr)
+        self.assertIn("done", done.stderr)
         job = done.stdout.strip()
         compared = json.loads(
             run("lumifold", "compare", self.root / "out.exr", self.root / "out.exr", "--json").stdout)
@@ -66,7 +68,7 @@ class ExamplesTest(unittest.TestCase):
         (stranger / "token").write_text("no-such-token")
         done = self.render(self.root / "none.exr", "stranger")
         self.assertNotEqual(done.returncode, 0)
-        self.assertIn("UNAUTHENTICATED", done.stderr)
+        self.assertIn("AuthenticationError", done.stderr)
         self.assertFalse((self.root / "none.exr").exists())
 
 

@@ -131,7 +131,7 @@ class InstallTest(unittest.TestCase):
         options = f"--listen {ADDRESS}"
         # Installed: programs, manual and completion are there; only the coordinator is enabled.
         self.install(self.old)
-        for name in packages.PACKAGES:
+        for name in packages.PROGRAMS:
             self.assertIn(f"{name} {programs.version()}", self.enter(name, "--version"))
         self.assertEqual([name for name in packages.SERVICES if self.is_enabled(name)], ["lumifold-server"])
         self.set_options("lumifold-server", options)
@@ -155,11 +155,11 @@ class InstallTest(unittest.TestCase):
             self.assertEqual(self.picture_of(again), before)
 
         # Removed: options and data stay. Purged: options, caches and keys go, jobs and pictures stay.
-        self.dpkg("--remove", *packages.PACKAGES)
+        self.dpkg("--remove", *packages.PROGRAMS)
         self.assertFalse((self.root / "usr/bin/lumifold-server").exists())
         self.assertIn(options, (self.root / "etc/default/lumifold-server").read_text())
         self.assertTrue(any((self.root / "var/cache/lumifold-worker").iterdir()))
-        text = self.dpkg("--purge", *packages.PACKAGES)
+        text = self.dpkg("--purge", *packages.PROGRAMS)
         self.assertIn(f"jobs and pictures are kept: /{DATA}", text)
         self.assertTrue((self.root / DATA / "ledger.db").exists())
         left = [path.relative_to(self.root) for folder in ("etc", "usr", "var/lib", "var/cache")

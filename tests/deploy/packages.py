@@ -1,4 +1,4 @@
-"""Builds the Debian packages of the programs that the tests run, and reads them."""
+"""Builds the Debian packages of the programs that the tests run, and of the Python package, and reads them."""
 
 import pathlib
 import re
@@ -6,8 +6,10 @@ import subprocess
 
 import programs
 
-PACKAGES = ("lumifold", "lumifold-server", "lumifold-worker", "lumifold-autoscale")
-SERVICES = PACKAGES[1:]
+PROGRAMS = ("lumifold", "lumifold-server", "lumifold-worker", "lumifold-autoscale")
+SERVICES = PROGRAMS[1:]
+PYTHON = "python3-lumifold"
+PACKAGES = (*PROGRAMS, PYTHON)
 BUILD = programs.BIN.parent
 
 

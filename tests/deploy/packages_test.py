@@ -40,6 +40,11 @@ class PackagesTest(unittest.TestCase):
             self.assertEqual(packages.field(file, "Package"), name)
             self.assertEqual(packages.field(file, "Version"), f"{programs.version()}-1")
             needed = {re.match(r"[^ :(]+", word)[0] for word in packages.field(file, "Depends").split(", ")}
+            if name == packages.PYTHON:
+                self.assertEqual(packages.field(file, "Architecture"), "all")
+                self.assertEqual(needed, {"python3", "python3-grpcio", "python3-protobuf", "python3-xxhash"})
+                self.assertRegex(packages.field(file, "Description"), r"^Python package of the Lumifold render farm\n ")
+                continue
             needed = {re.sub(r"^(libspdlog.*)-fmt\d+$", r"\1", one) for one in needed}  # a virtual package
             self.assertEqual(needed, set(programs.runtime_packages(name)), name)
             self.assertRegex(packages.field(file, "Description"),
@@ -49,13 +54,22 @@ class PackagesTest(unittest.TestCase):
         for name, file in self.files.items():
             contents = packages.contents(file)
             self.assertEqual({owner for _, owner in contents.values()}, {"root/root"})
-            self.assertEqual([path for path, (rights, _) in contents.items() if "x" in rights],
-                             [f"/usr/bin/{name}"])
+            programs_in = [path for path, (rights, _) in contents.items() if "x" in rights]
+            if name == packages.PYTHON:
+                self.assertEqual(programs_in, [])
+                self.assertEqual(set(contents), self.files_of_python())
+                continue
+            self.assertEqual(programs_in, [f"/usr/bin/{name}"])
             expected = {
                 f"/usr/bin/{name}",
                 *(f"/usr/share/doc/{name}/{file}"
                   for file in ("copyright", "changelog.gz", "changelog.Debian.gz", f"{name}.cdx.json"))
             }
+            if name == "lumifold":
+                expected |= {f"/usr/share/lumifold/proto/{path.relative_to(programs.ROOT / 'proto').as_posix()}"
+                             for path in (programs.ROOT / "proto").rglob("*.proto")}
+                expected |= {f"/usr/share/lumifold/schemas/{path.name}"
+                             for path in (programs.ROOT / "docs/schemas").iterdir()}
             if name in packages.SERVICES:
                 expected |= {
                     f"/usr/lib/systemd/system/{name}.service", f"/etc/default/{name}",
@@ -73,6 +87,27 @@ class PackagesTest(unittest.TestCase):
                     "/usr/share/fish/vendor_completions.d/lumifold.fish"
                 }
             self.assertEqual(set(contents), expected)
+
+    @staticmethod
+    def files_of_python():
+        source = programs.ROOT / "client/python/lumifold"
+        modules = {path.name for path in source.iterdir() if path.suffix == ".py" or path.name == "py.typed"}
+        modules |= {f"v1/{name}_pb2.py" for name in ("access", "farm", "image", "job", "log", "scene")}
+        modules |= {"v1/__init__.py"} | {f"v1/{name}_pb2_grpc.py" for name in
+                                         ("access", "farm", "image", "job", "log", "scene")}
+        documents = {f"/usr/share/doc/{packages.PYTHON}/{name}"
+                     for name in ("copyright", "changelog.gz", "changelog.Debian.gz")}
+        return documents | {f"/usr/lib/python3/dist-packages/lumifold/{module}" for module in modules}
+
+    def test_the_python_package_is_found_and_knows_the_protocol(self):
+        folder = self.root / "usr/lib/python3/dist-packages"
+        done = subprocess.run(
+            ["/usr/bin/python3", "-c", "import lumifold.v1.farm_pb2; print(lumifold.__file__)"],
+            env={**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}, text=True,
+            capture_output=True)
+        if "No module named 'grpc'" in done.stderr:
+            self.skipTest("python3-grpcio is not installed (deploy/setup.sh --tests)")
+        self.assertEqual(done.stdout.strip(), str(folder / "lumifold/__init__.py"), done.stderr)
 
     def test_manual_pages_are_those_of_the_programs(self):
         page = gzip.decompress((self.root / "usr/share/man/man1/lumifold-submit.1.gz").read_bytes()).decode()
@@ -106,7 +141,7 @@ class PackagesTest(unittest.TestCase):
     @unittest.skipUnless(node_tools.is_available(), "npm is not installed (deploy/setup.sh --tests)")
     def test_inventories(self):
         node_tools.install()
-        files = {name: self.root / f"usr/share/doc/{name}/{name}.cdx.json" for name in packages.PACKAGES}
+        files = {name: self.root / f"usr/share/doc/{name}/{name}.cdx.json" for name in packages.PROGRAMS}
         results = node_tools.run("check_inventory.mjs", *files.values()).splitlines()
         self.assertEqual([json.loads(line) for line in results], [[]] * len(files))
         for name, file in files.items():

@@ -2,12 +2,16 @@
 
 import os
 import pathlib
+import sys
 import tempfile
 import unittest
 
 import browser
 from farm import Farm, make_scene, wait_until
 from page_test import HOSTILE, LONG
+
+sys.path.append(str(pathlib.Path(__file__).parents[1] / "deploy"))
+import node_tools  # noqa: E402
 
 SCREENSHOTS = os.environ.get("LUMIFOLD_SCREENSHOTS")
 
@@ -21,8 +25,21 @@ BRIGHTNESS = """(() => {
   return sum / (pixels.length / 4) / 3;
 })()"""
 
-# Of a pixel of the region that is shown closely.
-COLOUR = "return [...document.getElementById('region').getContext('2d').getImageData(arguments[0], arguments[1], 1, 1).data].slice(0, 3)"
+# Of a pixel of the part that is shown at full resolution.
+COLOUR = "return [...document.querySelector('#pieces canvas').getContext('2d').getImageData(arguments[0], arguments[1], 1, 1).data].slice(0, 3)"
+
+# What is fetched as a file: its type, size and first bytes. The browser of the tests saves none.
+SAVED = """
+window.saved = null;
+HTMLAnchorElement.prototype.click = async function () {
+  const answer = await fetch(this.href);
+  const bytes = new Uint8Array(await answer.arrayBuffer());
+  window.saved = [answer.status, answer.headers.get("Content-Type"), bytes.length, [...bytes.slice(0, 8)], this.download
+    || answer.headers.get("Content-Disposition")];
+};
+[...document.querySelectorAll("#save button")].find((each) => each.innerText === arguments[0]).click();
+return true;
+"""
 
 
 @unittest.skipIf(why := browser.missing(), why)
@@ -59,30 +76,28 @@ class PageBrowserTest(unittest.TestCase):
         self.assertNotIn("session", self.browser.run("return location.href"),
                          "the secret leaves the address bar")
         job = self.submit("--size", "640x480", "--spp", 64)
-        self.browser.wait_text("#jobs", job)
-        self.browser.click("#jobs button")
-        self.browser.wait_text("#job-state", "submitted")
+        self.browser.wait_text("#job-state", "submitted")  # the newest opens by itself
+        self.assertIn(job, self.browser.run("return location.hash"))
+        self.browser.wait_text("#notice", "none of the 0 connected workers")
+        self.assertIn("lumifold-worker", self.browser.text("#notice"), "what to do")
         self.shoot("waits")
         for _ in range(2):
             self.farm.start_worker()
-        self.browser.wait(f"return {BRIGHTNESS} > 0", "the first tiles")
+        self.browser.wait(f"return {BRIGHTNESS} > 0", "the first tiles", seconds=300)
         self.shoot("grows")
         first = self.browser.run(f"return {BRIGHTNESS}")
         self.browser.wait_text("#job-state", "done", seconds=300)
-        self.browser.wait(
-            "return document.querySelector('#job-progress').getAttribute('aria-valuenow') === '100'", "100 %")
         wait_until(lambda: self.browser.run(f"return {BRIGHTNESS}") > first,
                    "a brighter picture: no tile is black any more",
                    seconds=60)
-        self.browser.wait("return document.getElementById('region').width === 640",
-                          "all pixels, which the screen can show")
+        self.browser.wait("return document.querySelector('#pieces canvas')?.width === 640", "all pixels", seconds=300)
         red, green, blue = wait_until(lambda: any(colour := self.browser.run(COLOUR, 120, 240)) and colour,
                                       "its colours",
                                       seconds=60)
         self.assertGreater(red, 2 * max(green, blue), "the wall on the left is red")
         self.shoot("done")
         self.browser.type("body", "+++")
-        self.browser.wait("return document.getElementById('region').width < 640", "a part of it")
+        self.browser.wait("return document.querySelector('#pieces canvas.pixels') !== null", "its pixels")
         self.shoot("close")
         self.browser.type("body", "0")
         self.browser.click("#theme")
@@ -94,7 +109,66 @@ class PageBrowserTest(unittest.TestCase):
                 layer)
             self.browser.wait(
                 "return [...document.querySelectorAll('#layer-a option')].length > 8 && document.getElementById('layer-a').value"
-                " === arguments[0] && document.getElementById('waiting').hidden", layer, layer)
+                " === arguments[0] && document.getElementById('notice').hidden", layer, layer)
+        self.expect_no_errors()
+
+    def test_files_and_links_leave_the_page(self):
+        self.farm.start_worker()
+        self.submit("--size", "800x96", "--spp", 2, "--frames", "1-2", "--name", "a chair/2.glb")
+        self.open()
+        self.browser.wait_text("#save", "PNG", seconds=300)
+        for button, kind, start, name in (
+            ("EXR", "image/x-exr", [0x76, 0x2f, 0x31, 0x01], 'attachment; filename="a_chair_2.0001.exr"'),
+            ("All frames", "application/zip", list(b"PK\3\4"), 'attachment; filename="a_chair_2.zip"'),
+            ("PNG", "image/png", list(b"\x89PNG"), "a chair/2.0001.png")):
+            self.browser.wait_text("#save", button)
+            self.browser.run(SAVED, button)
+            status, saved_kind, size, first, saved_name = self.browser.wait("return window.saved", button)
+            self.assertEqual((status, saved_kind, first[:len(start)], saved_name), (200, kind, start, name))
+            self.assertGreater(size, 2000)
+        self.browser.run("""
+          Object.defineProperty(navigator, "clipboard", {value: {writeText: async (text) => (window.copied = text)}});
+          [...document.querySelectorAll("#save button")].at(-1).click();""")
+        link = self.browser.wait("return window.copied", "the link")
+        self.browser.go(link)
+        self.browser.wait_text("#user", "read only")
+        self.browser.wait_text("#job-state", "done")
+        self.assertEqual(self.browser.text("#job-actions"), "")
+        self.expect_no_errors()
+
+    def test_a_failure_says_what_to_do_and_a_job_is_deleted(self):
+        self.farm.start_worker()
+        self.farm.client("wait", self.submit("--size", "64x64", "--spp", 1))  # one that has delivered nothing is not believed
+        job = self.submit("--size", "64x64", "--spp", 1, "--camera", "no such camera")
+        self.open()
+        self.browser.wait_text("#job-state", "failed", seconds=60)
+        self.browser.wait_text("#notice", "no such camera")
+        self.assertIn("submit it again", self.browser.text("#notice"))
+        self.assertNotIn("Retry", self.browser.text("#job"), "it could not help")
+        self.assertIn("no such camera", self.browser.text("#wrong"))
+        self.browser.run(
+            "[...document.querySelectorAll('#job-actions button')].find((each) => each.innerText === 'Delete').click()")
+        self.browser.click("#ask-yes")
+        self.browser.wait("return document.querySelectorAll('#jobs li').length === 1", "the other one")
+        self.browser.wait_text("#job-state", "done")
+        self.assertNotIn(job, self.farm.client("list").stdout)
+
+    def test_many_jobs_are_searched_and_grouped(self):
+        for i in range(3):
+            self.submit("--size", "64x64", "--spp", 1, "--user", f"user-{i}", "--name", f"chair {i}")
+        self.farm.client("cancel", self.submit("--size", "64x64", "--spp", 1, "--user", "user-0", "--name", "lamp"))
+        self.open()
+        self.browser.wait_text("#job-count", "4")
+        self.browser.wait("return document.querySelectorAll('#jobs .group').length === 2", "active ones and today's")
+        rows = "return [...document.querySelectorAll('#jobs li .texts .row .name')].map((each) => each.textContent)"
+        self.assertEqual(self.browser.run(rows), ["chair 2", "chair 1", "chair 0", "lamp"])
+        choose = "const s = document.querySelector(arguments[0]); s.value = arguments[1]; s.dispatchEvent(new Event('input'))"
+        for element, value, expected in (("#of-user", "user-0", ["chair 0", "lamp"]), ("#of-state", "cancelled", ["lamp"]),
+                                         ("#search", "chair", [])):
+            self.browser.run(choose, element, value)
+            self.assertEqual(self.browser.run(rows), expected, value)
+        self.assertIn("No job is like that", self.browser.text("#jobs"))
+        self.assertIn("0 of 4", self.browser.text("#job-count"))
         self.expect_no_errors()
 
     def test_frames_are_a_strip_that_plays(self):
@@ -149,6 +223,7 @@ class PageBrowserTest(unittest.TestCase):
         job = self.submit(*LONG, "--user", HOSTILE)
         self.open(job)
         self.browser.wait_text("#jobs", HOSTILE[:20])
+        self.browser.click("#farm-more summary")
         self.browser.wait_text("#workers", "script")
         self.assertEqual(self.browser.run("return document.querySelectorAll('script').length"), 1)
         self.browser.run(
@@ -165,11 +240,48 @@ class PageBrowserTest(unittest.TestCase):
         self.assertEqual(self.browser.text("#job-actions"), "")
         self.assertNotIn(other, self.browser.text("#jobs"))
 
-    def test_keys_and_small_screens(self):
-        jobs = [self.submit("--size", "64x64", "--spp", 1, "--user", f"user-{i}") for i in range(2)]
+    def expect_accessible(self, what):
+        """axe-core finds nothing, on a desktop and on a phone, dark and light."""
+        source = (node_tools.FOLDER / "node_modules/axe-core/axe.min.js").read_text()
+        for width, height in ((1280, 800), (500, 844)):
+            self.browser.resize(width, height)
+            for theme in ("Light", "Dark"):
+                self.browser.click("#theme")
+                self.browser.wait_text("#theme", theme)
+                self.browser.run(source + """; window.found = null;
+                  axe.run(document).then((result) => (window.found = {violations: result.violations.map((one) =>
+                    [one.id, one.nodes.map((node) => node.html)])}));""")
+                found = self.browser.wait("return window.found", "axe-core", seconds=300)
+                self.assertEqual(found["violations"], [], (what, width, theme))
+        self.browser.resize(1280, 800)
+
+    @unittest.skipUnless(node_tools.is_available(), "npm is not installed (deploy/setup.sh --tests)")
+    def test_axe_core_finds_nothing(self):
+        node_tools.install()
         self.open()
-        self.browser.wait_text("#jobs", jobs[0])
-        self.browser.type("body", "j")
+        self.browser.wait_text("#no-job", "No jobs yet")
+        if self.browser.text("#theme") == "Light":  # what the button does; each look begins in the light
+            self.browser.click("#theme")
+        self.expect_accessible("no job")
+        self.submit("--size", "64x48", "--spp", 2, "--frames", "1-2", "--fps", 24, "--user", "ann")
+        self.browser.wait_text("#notice", "none of the 0 connected workers")
+        self.expect_accessible("a job that waits")
+        self.farm.start_worker()
+        self.browser.wait_text("#save", "PNG", seconds=300)
+        for details in ("#settings", "#explain", "#log", "#farm-more"):
+            self.browser.run("document.querySelector(arguments[0]).open = true", details)
+        self.browser.wait_text("#spec", "default")
+        self.expect_accessible("an animation, and all that can be opened")
+        job = self.submit("--size", "64x64", "--spp", 1, "--camera", "no such camera", "--user", "ben")
+        self.open(job)
+        self.browser.wait_text("#notice", "no such camera", seconds=120)
+        self.expect_accessible("a failure")
+
+    def test_keys_and_small_screens(self):
+        for i in range(2):
+            self.submit("--size", "64x64", "--spp", 1, "--user", f"user-{i}")
+        self.open()
+        self.browser.wait_text("#job-count", "2")
         self.browser.wait_text("#job-state", "submitted")
         first = self.browser.run("return location.hash")
         self.browser.type("body", "j")

@@ -145,8 +145,8 @@ class PageTest(PageCase):
             self.assertEqual(link.request("POST", "/api/call/GetJob", body)[0], 400, body)
         self.assertEqual(link.request("POST", "/api/call/GetJob", "{}", Content_Type="text/plain")[0], 400)
         self.assertEqual(
-            link.request("POST", "/api/call/GetJob", json.dumps({"job_id": "x" * 100_000}))[0], 413)
-        for method in ("SubmitJob", "DeleteJob", "WatchJob", "../GetJob", "GetJob/x"):
+            link.request("POST", "/api/call/GetJob", json.dumps({"job_id": "x" * 2**20}))[0], 413)
+        for method in ("WatchJob", "UploadAsset", "DownloadResult", "../GetJob", "GetJob/x"):
             self.assertEqual(link.request("POST", f"/api/call/{method}", "{}")[0], 404, method)
         for method in ("PUT", "DELETE", "OPTIONS", "TRACE", "BREW"):
             self.assertGreaterEqual(link.request(method, "/api/session")[0], 400, method)

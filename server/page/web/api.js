@@ -57,6 +57,15 @@ export async function preview(job, frame, layer, newer, signal, region) {
   return answer.status === 204 ? null : parsePreview(await answer.arrayBuffer());
 }
 
+/** A URL from which the browser itself downloads: `what` is "result" or "results", for a minute. */
+export async function downloadUrl(what, job, frame) {
+  const {ticket} = await (await fetchApi(`ticket?${new URLSearchParams({job})}`, {method: "POST"})).json();
+  return `/api/${what}?${new URLSearchParams({job, ...(frame !== undefined && {frame}), ticket})}`;
+}
+
+/** The link's own secret, for a link to what it shows. */
+export const ownSession = () => sessionStorage.getItem(KEY) ?? "";
+
 /**
  * Follows the farm for as long as the link is valid: `take(name, value)` for each event, `state(text, lost)`
  * for the connection. Ends with the error of a link that is not valid.

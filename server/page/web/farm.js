@@ -1,6 +1,6 @@
-// The lists on the left: jobs, workers, and what is wrong.
+// The farm: its workers, its storage, and what is wrong.
 
-import {bytes, duration, progressOf, stateOf} from "/words.js";
+import {bytes, duration, hasEnded, stateOf} from "/words.js";
 
 /** An element with a class and a text. Texts of others are never markup. */
 export function make(tag, {text, title, ...properties} = {}, ...children) {
@@ -23,36 +23,6 @@ const WORKER_STATES = {
 
 export function nameOf(job) {
   return job.display_name || job.job_id;
-}
-
-/** The button of a job in the list, made once and renewed with each status. */
-export class JobEntry {
-  constructor(id, choose) {
-    this.name = make("span", {className: "name"});
-    this.state = make("span", {className: "state"});
-    this.about = make("span", {className: "dim name"});
-    this.bar = make("div");
-    this.button = make("button", {type: "button"},
-      make("span", {className: "row"}, this.name, make("span", {className: "grow"}), this.state),
-      make("span", {className: "bar"}, this.bar), this.about);
-    this.button.addEventListener("click", () => choose(id));
-    this.element = make("li", {}, this.button);
-  }
-
-  renew(job, chosen, left) {
-    const state = stateOf(job);
-    const percent = Math.floor(100 * progressOf(job));
-    this.name.textContent = this.name.title = nameOf(job);
-    this.state.textContent = state === "running" ? `${percent} %` : state;
-    this.state.className = `state ${state.split(" ")[0]}`;
-    this.bar.style.width = `${percent}%`;
-    const parts = [job.scheduling?.user || "anonymous", job.job_id];
-    if (state === "running" && left !== null) parts.unshift(`${duration(left)} left`);
-    if (job.scheduling?.priority) parts.push(`priority ${job.scheduling.priority}`);
-    this.about.textContent = this.about.title = parts.join(" · ");
-    this.button.setAttribute("aria-current", String(chosen));
-    this.button.setAttribute("aria-label", `${nameOf(job)}, ${state}, ${percent} percent`);
-  }
 }
 
 export function workerItem(worker, actions) {
@@ -82,28 +52,42 @@ export function frameOfWorker(frame) {
     + ` · ${time(frame.first_unix_ms)} to ${time(frame.last_unix_ms)}`;
 }
 
-/** What an operator should know, in words. */
+/** Failed jobs that are named; the list has all. */
+const MOST_FAILURES = 3;
+
+/** What an operator should know, in words: [text, id of a job that it is about]. */
 export function problemsOf(server, workers, jobs) {
   const problems = [];
-  if (server?.storage_error) problems.push(`The storage cannot be written: ${server.storage_error}`);
+  if (server?.storage_error) problems.push([`The storage cannot be written: ${server.storage_error}`]);
   for (const worker of workers) {
     const state = WORKER_STATES[worker.state];
     if (["silent", "set aside", "blocked"].includes(state)) {
-      problems.push(`Worker ${worker.name} is ${state}. ${worker.reason}`);
+      problems.push([`Worker ${worker.name} is ${state}. ${worker.reason}`]);
     }
   }
-  const active = jobs.filter((job) => ["submitted", "planned", "running"].includes(stateOf(job)));
-  if (active.length && workers.length === 0) problems.push("Jobs wait, and no worker is connected.");
-  for (const job of jobs.slice(0, 20)) {
-    if (stateOf(job) === "failed") problems.push(`${nameOf(job)} failed: ${job.error}`);
+  if (jobs.some((job) => !hasEnded(job)) && workers.length === 0) {
+    problems.push(["Jobs wait, and no worker is connected."]);
   }
+  const failed = jobs.filter((job) => stateOf(job) === "failed");
+  for (const job of failed.slice(0, MOST_FAILURES)) {
+    problems.push([`${nameOf(job)} failed: ${job.error}`, job.job_id]);
+  }
+  const others = failed.length - MOST_FAILURES;
+  if (others > 0) problems.push([`${others} more ${others === 1 ? "job has" : "jobs have"} failed.`]);
   return problems;
+}
+
+/** The farm in a line. */
+export function farmLine(server, workers) {
+  if (!server) return "";
+  const count = `${workers.length} ${workers.length === 1 ? "worker" : "workers"}`;
+  // Workers have further leases in hand.
+  return `${count} · ${Math.min(server.leases, server.slots)} of ${server.slots} slots busy`;
 }
 
 /** Terms and their values for the description list of the farm. */
 export function serverFacts(server) {
   const facts = [
-    ["Leases", `${server.leases}, with ${server.slots} slots`], ["Active jobs", server.active_jobs],
     ["Disk", `${bytes(server.free_bytes)} free`], ["Version", server.version],
   ];
   if (server.insecure) facts.push(["Connections", "not encrypted"]);

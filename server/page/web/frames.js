@@ -7,7 +7,10 @@ import {paint} from "/tone.js";
 const THUMB = 72;
 /** Small pictures that are fetched for a job, at most. */
 const MOST = 240;
+/** Previews that are kept, so that frames play without being fetched again. */
+const MOST_PICTURES = 64;
 const FRAME_MS = 1000 / 12;
+const REFILL_MS = 1000;
 
 export function framesOf(job) {
   const frames = [];
@@ -29,6 +32,7 @@ export class Strip {
     this.job = job.job_id;
     this.frames = framesOf(job);
     this.thumbs = new Map();
+    this.pictures = new Map();
     this.box.hidden = this.frames.length < 2;
     if (this.box.hidden) return;
     this.list.replaceChildren(...this.frames.map((frame) => {
@@ -58,6 +62,8 @@ export class Strip {
     thumb.canvas.width = Math.round((48 * picture.preview_width) / picture.preview_height);
     thumb.canvas.getContext("2d").drawImage(full, 0, 0, thumb.canvas.width, 48);
     thumb.finished = picture.finished;
+    this.pictures.set(frame, picture);
+    if (this.pictures.size > MOST_PICTURES) this.pictures.delete(this.pictures.keys().next().value);
   }
 
   /** Fetches finished frames that are missing, one after the other. */
@@ -75,6 +81,11 @@ export class Strip {
       }
     } finally {
       this.filling = false;
+    }
+    // Frames that were finished meanwhile, whether or not the job changes again.
+    const finished = [...this.thumbs.values()].filter((thumb) => thumb.finished).length;
+    if (finished < Math.min(framesDone, this.frames.length)) {
+      setTimeout(() => this.job === job && this.fill(framesDone), REFILL_MS);
     }
   }
 

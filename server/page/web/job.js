@@ -2,7 +2,7 @@
 
 import {call, preview} from "/api.js";
 import {fillList, make, nameOf} from "/farm.js";
-import {duration, hasEnded, isDone, progressOf, stateOf} from "/words.js";
+import {duration, hasEnded, isDone, mayRetry, progressOf, secondsOf, stateOf, timeOf} from "/words.js";
 
 const PAUSE_MS = 300;
 const LAYER_NAMES = {
@@ -62,16 +62,20 @@ export function showFacts(elements, job, left) {
   elements.state.className = `state ${state.split(" ")[0]}`;
   elements.progress.setAttribute("aria-valuenow", percent);
   elements.progress.firstElementChild.style.width = `${percent}%`;
-  const facts = [`${job.width} × ${job.height}`, `${job.samples_per_pixel} samples`,
-    `${job.units_done} of ${job.units_total} units`];
+  const samples = job.samples_per_pixel === 1 ? "1 sample" : `${job.samples_per_pixel} samples`;
+  const facts = [`${job.width} × ${job.height}`, samples];
+  if (!hasEnded(job)) facts.push(`${percent} %, ${job.units_done} of ${job.units_total} units`);
   if (job.frames_total > 1) facts.push(`${job.frames_done} of ${job.frames_total} frames`);
   if (job.frames_skipped) facts.push(`${job.frames_skipped} skipped: ${skippedFrames(job)}`);
   if (job.frames_filtering) facts.push(`${job.frames_filtering} in the filter`);
   if (job.frames_waiting) facts.push(`${job.frames_waiting} waiting for it`);
   if (job.workers) facts.push(`${job.workers} ${job.workers === 1 ? "worker" : "workers"}`);
   if (job.estimated_error !== undefined) facts.push(`error ${Number(job.estimated_error).toPrecision(3)}`);
-  if (!hasEnded(job) && left !== null) facts.push(`${duration(left)} left`);
-  if (job.error) facts.push(job.error);
+  if (state === "running" && left !== null) facts.push(`${duration(left)} left`);
+  const took = secondsOf(job);
+  if (took > 0) facts.push(`${hasEnded(job) ? "took" : "for"} ${duration(took)}`);
+  facts.push(`submitted ${timeOf(job.submitted_unix_ms)}`);
+  elements.progress.hidden = hasEnded(job);
   elements.facts.textContent = facts.join(" · ");
 }
 
@@ -89,18 +93,19 @@ export function actionsOf(job) {
     actions.push(["Priority", "SetJobPriority", {}, "Priority of the job, -100 to 100", priority]);
     actions.push(["Cancel", "CancelJob", {}, "Cancel the job? What is rendered so far is lost."]);
   }
-  if (state === "failed") {
-    actions.push(["Retry", "RetryJob", {}, "Render what failed again?"]);
-    if (job.frames_total > 1) {
-      actions.push(["Skip", "RetryJob", {skip: true}, "Go on without the frames that cannot be rendered?"]);
-    }
+  if (mayRetry(job)) {
+    const question = state === "done with gaps" ? "Render the skipped frames?" : "Render what is missing?";
+    actions.push(["Retry", "RetryJob", {}, question]);
   }
-  if (state === "done with gaps") {
-    actions.push(["Retry", "RetryJob", {}, "Render the skipped frames?"]);
+  if (state === "failed" && job.scheduling?.gaps?.failed_frame !== undefined && job.frames_total > 1) {
+    actions.push(["Skip", "RetryJob", {skip: true}, "Go on without the frames that cannot be rendered?"]);
   }
   if (isDone(job) && !job.adaptive) {
     const samples = ["samples_per_pixel", 2 * job.samples_per_pixel];
     actions.push(["More samples", "AddSamples", {}, "Samples of a pixel, in all", samples]);
+  }
+  if (hasEnded(job)) {
+    actions.push(["Delete", "DeleteJob", {}, "Delete the job with its pictures? This cannot be undone."]);
   }
   return actions;
 }
@@ -120,10 +125,63 @@ export function ask(elements, question, value) {
   });
 }
 
-export async function explain(list, job) {
-  const {reasons} = await call("ExplainJob", {job_id: job});
+export function showReasons(list, reasons) {
   const texts = reasons.length ? reasons.map((reason) => reason.text) : ["It runs as it should."];
   fillList(list, texts.map((text) => make("li", {text})));
+}
+
+const pairs = (facts) =>
+  facts.flatMap(([term, value]) => [make("dt", {text: term}), make("dd", {text: String(value)})]);
+
+const cropText = (crop) => `at ${crop.x}, ${crop.y} of ${crop.frame_width} × ${crop.frame_height}`;
+
+/** Terms and values of what was submitted. */
+function settingsOf(job) {
+  const {settings: spec, scheduling} = job;
+  const settings = [
+    ["Job", job.job_id], ["Size", `${job.width} × ${job.height}`],
+    ["Samples", job.adaptive ? `adaptive, at most ${job.samples_per_pixel}` : job.samples_per_pixel],
+    ["Method", spec?.filter?.method || "default"], ["Camera", spec?.camera || "the scene's first"],
+    ["Bounces", spec?.max_bounces], ["Seed", spec?.seed],
+    ["Environment", spec?.environment?.uri?.replace(/^environment:/, "")],
+    ["Lens", spec?.lens && `f/${spec.lens.f_stop}, focus at ${spec.lens.focus_metres} m`],
+    ["Frames a second", spec?.frames_per_second || ""], ["Variant", spec?.variant],
+    ["Animation", spec?.animation], ["Crop", spec?.crop && cropText(spec.crop)],
+    ["Film kept", spec?.save_film ? "yes" : ""], ["Cryptomatte", spec?.cryptomatte ? "yes" : ""],
+    ["Priority", scheduling?.priority || ""], ["Tags", (scheduling?.tags ?? []).join(", ")],
+    ["Most leases", scheduling?.max_leases || ""], ["After", (scheduling?.after ?? []).join(", ")],
+    ["Trace", scheduling?.trace_id],
+  ];
+  return settings.filter(([, value]) => value !== undefined && value !== null && value !== "");
+}
+
+function decisionText({value, source, reason}) {
+  const who = {DECISION_SOURCE_SCENE: "scene", DECISION_SOURCE_PROBE: "probe", DECISION_SOURCE_FULL: "full",
+    DECISION_SOURCE_FORCED: "forced"}[source] ?? "";
+  return [value, who, reason].filter((part) => part !== "").join(" · ");
+}
+
+/** What was submitted, and what was decided of it. `explained`: of ExplainJob. */
+export function showSettings(elements, {status, plan}) {
+  fillList(elements.spec, pairs(settingsOf(status)));
+  elements.planTitle.hidden = !plan;
+  fillList(elements.plan, pairs((plan?.decisions ?? []).map((each) => [each.name, decisionText(each)])));
+}
+
+/** Shows a notice of advice.js, with what may be done. */
+export function showNotice(box, notice, actions = []) {
+  const text = notice && JSON.stringify([notice, actions.map(([label]) => label)]);
+  box.hidden = !notice;
+  if (!notice || box.dataset.shown === text) return;
+  box.dataset.shown = text;
+  box.classList.toggle("bad", Boolean(notice.isBad));
+  fillList(box, [
+    make("p", {className: "title", text: notice.title}),
+    ...notice.lines.map((line) => make("p", {text: line})),
+    ...(notice.commands ?? []).map((command) => make("p", {}, make("code", {text: command}))),
+    ...(notice.advice ? [make("p", {className: "dim", text: notice.advice})] : []),
+    ...(actions.length ? [make("p", {className: "actions"}, ...actions.map(([, button]) => button))] : []),
+  ]);
 }
 
 export async function showLog(list, job) {

@@ -51,8 +51,9 @@ export function rangeOf(plane) {
 /**
  * Fills `pixels` (RGBA) with a layer of a preview. Returns what the colours mean, where they are no picture.
  * @param {object} preview of parsePreview
+ * @param {object} whole preview of the whole frame: a part of it has the same colours
  */
-export function paint(preview, layer, exposure, transform, pixels) {
+export function paint(preview, layer, exposure, transform, pixels, whole = preview) {
   const [r, g, b] = preview.planes;
   const gain = 2 ** exposure;
   const count = preview.preview_width * preview.preview_height;
@@ -72,7 +73,7 @@ export function paint(preview, layer, exposure, transform, pixels) {
     return "A colour for each object.";
   }
   if (layer === "samples" || layer === "error") {
-    const [least, most] = rangeOf(r);
+    const [least, most] = rangeOf(whole.planes[0]);
     const part = (value) => (most > least ? (value - least) / (most - least) : 0.5);
     for (let i = 0; i < count; ++i) set(i, r[i] > 0 ? heat(part(r[i])) : [0, 0, 0]);
     const what = layer === "error" ? "Estimated error of the filtered picture, in steps of 8 bits"
@@ -80,7 +81,7 @@ export function paint(preview, layer, exposure, transform, pixels) {
     return `${what}: ${least.toPrecision(3)} is dark, ${most.toPrecision(3)} bright; black has none.`;
   }
   if (preview.planes.length === 1) {
-    const [least, most] = rangeOf(r);
+    const [least, most] = rangeOf(whole.planes[0]);
     const depth = (x) => (x > 0 ? 255 * (1 - (0.9 * (x - least)) / (most - least || 1)) : 0);
     const grey = layer === "A" ? (x) => 255 * x : depth;
     for (let i = 0; i < count; ++i) set(i, [grey(r[i]), grey(r[i]), grey(r[i])]);

@@ -1,18 +1,18 @@
 // The picture: two layers of a preview beside each other, moved, zoomed, and read pixel by pixel.
 
+import {MOST_PIECES, piecesOf} from "/pieces.js";
 import {paint} from "/tone.js";
 
 const MOST_ZOOM = 64;
-/** Of a region that is fetched pixel by pixel, across and down: the coordinator's limit. */
-const MOST_REGION = 768;
-/** After the last change of the view, until a region is fetched. */
-const REGION_PAUSE_MS = 300;
+/** After the last change of the view, until parts of the frame are fetched. */
+const PIECES_PAUSE_MS = 300;
 
 /**
- * Draws previews by layer on a canvas: A up to the column `middle`, B from there on. Returns what their
- * colours mean.
+ * Draws previews by layer on a canvas, as the view {layers, exposure, transform, previews} shows them: A up
+ * to the column `middle`, B from there on. Returns what their colours mean.
  */
-function drawBeside(canvas, previews, layers, middle, exposure, transform) {
+export function drawBeside(canvas, previews, view, middle) {
+  const {layers, exposure, transform} = view;
   const context = canvas.getContext("2d");
   const {width, height} = canvas;
   context.imageSmoothingEnabled = false;
@@ -21,7 +21,7 @@ function drawBeside(canvas, previews, layers, middle, exposure, transform) {
     const preview = previews.get(layer);
     if (!preview || from >= to) return "";
     const image = new ImageData(preview.preview_width, preview.preview_height);
-    const legend = paint(preview, layer, exposure, transform, image.data);
+    const legend = paint(preview, layer, exposure, transform, image.data, view.previews.get(layer));
     const painted = new OffscreenCanvas(image.width, image.height);
     painted.getContext("2d").putImageData(image, 0, 0);
     const scale = image.width / width; // below 1 until all layers are of the newest preview
@@ -33,21 +33,20 @@ function drawBeside(canvas, previews, layers, middle, exposure, transform) {
 
 export class Viewer {
   /**
-   * `elements`: viewer, canvas, region, split, waiting, values, legend. `wantRegion` is called with the part
-   * of the frame that is looked at, "x0,y0,x1,y1", when previews have fewer pixels than the screen shows of
-   * it, and with null when that is over.
+   * `elements`: viewer, canvas, box (of the pieces), split, values, legend. `wantPieces` is called with the
+   * names of the parts of the frame that are looked at, "x0,y0,x1,y1", when its preview has fewer pixels than
+   * the screen shows of it, and with [] when that is over.
    */
-  constructor(elements, wantRegion) {
-    Object.assign(this, elements, {wantRegion});
-    this.closer = null; // the region that is shown, and its previews by layer
-    this.wanted = null; // the last one, with the layers
+  constructor(elements, wantPieces) {
+    Object.assign(this, elements, {wantPieces});
+    this.pieces = new Map(); // by name
+    this.wanted = ""; // the last names, with the layers
     this.layers = ["", "noisy"];
     this.previews = new Map(); // by layer
     this.exposure = 0;
     this.transform = "srgb";
     this.fitted = true;
     this.pointers = new Map();
-    this.split.addEventListener("input", () => this.draw());
     this.viewer.addEventListener("wheel", (event) => {
       event.preventDefault();
       this.zoomBy(2 ** (-event.deltaY / 300), event);
@@ -64,17 +63,15 @@ export class Viewer {
   clear() {
     this.previews.clear();
     this.size = null;
-    this.leaveRegion();
+    this.leavePieces();
     this.fitted = true;
     this.canvas.width = 0;
-    this.waiting.hidden = false;
     this.values.textContent = "\u00a0";
     this.legend.textContent = "";
   }
 
   show(layer, preview) {
     this.previews.set(layer, preview);
-    this.waiting.hidden = true;
     this.resize();
     this.draw();
     this.lookCloser();
@@ -93,86 +90,112 @@ export class Viewer {
     else this.place();
   }
 
+  /** The layers that are seen: of one side where the split leaves none of the other. */
+  get seen() {
+    const at = Number(this.split.value);
+    return [...new Set([...(at > 0 ? [this.layers[0]] : []), ...(at < 1000 ? [this.layers[1]] : [])])];
+  }
+
+  /** The column of a picture of this width where B begins. */
+  middleOf(width) {
+    return Math.round((width * this.split.value) / 1000);
+  }
+
   /** A on the left of the split, B on the right. */
   draw() {
     if (!this.size) return;
-    const middle = Math.round((this.canvas.width * (1000 - this.split.value)) / 1000);
-    const {previews, layers, exposure, transform} = this;
-    const legends = drawBeside(this.canvas, previews, layers, middle, exposure, transform);
-    const {width, height} = this.region;
-    this.region.getContext("2d").clearRect(0, 0, width, height);
-    if (this.closer) {
-      const inRegion = Math.min(Math.max(middle * this.size.reduction - this.closer.x0, 0), width);
-      drawBeside(this.region, this.newEnough(), layers, inRegion, exposure, transform);
+    const legends = drawBeside(this.canvas, this.previews, this, this.middleOf(this.canvas.width));
+    const middle = this.middleOf(this.size.width);
+    for (const piece of this.pieces.values()) {
+      const {width} = piece.canvas;
+      piece.canvas.getContext("2d").clearRect(0, 0, width, piece.canvas.height);
+      drawBeside(piece.canvas, this.newEnough(piece), this, Math.min(Math.max(middle - piece.x0, 0), width));
     }
     this.legend.textContent = [...new Set(legends)].filter(Boolean).join(" ");
     this.readPixel();
   }
 
-  /** Of the region's layers those that have half of the samples of the whole frame's, which may be newer. */
-  newEnough() {
+  /** Of a piece's layers those that have half of the samples of the whole frame's, which may be newer. */
+  newEnough(piece) {
     const samplesOf = (layer) => this.previews.get(layer)?.samples_per_pixel ?? 0;
     const isNew = ([layer, {samples_per_pixel: samples}]) => 2 * samples >= samplesOf(layer);
-    return new Map([...this.closer.previews].filter(isNew));
+    return new Map([...piece.previews].filter(isNew));
   }
 
-  /** A layer of a region that was wanted. */
-  showRegion(name, layer, preview) {
-    if (this.closer?.name !== name) {
-      this.closer = {name, x0: preview.x0, y0: preview.y0, previews: new Map()};
-      this.region.width = preview.preview_width;
-      this.region.height = preview.preview_height;
+  /** A layer of a part of the frame that was wanted. */
+  showPiece(name, layer, preview) {
+    if (!this.size) return;
+    if (!this.isFinished) { // the part that was shown before is no longer the newest
+      for (const other of this.pieces.keys()) other !== name && this.drop(other);
     }
-    this.closer.previews.set(layer, preview);
+    if (!this.pieces.has(name)) {
+      const canvas = document.createElement("canvas");
+      canvas.width = preview.preview_width;
+      canvas.height = preview.preview_height;
+      this.box.append(canvas);
+      this.pieces.set(name, {canvas, x0: preview.x0, y0: preview.y0, previews: new Map()});
+    }
+    this.pieces.get(name).previews.set(layer, preview);
+    for (const other of this.pieces.keys()) {
+      if (this.pieces.size > 2 * MOST_PIECES && !this.wanted.includes(other)) this.drop(other);
+    }
     this.place();
     this.draw();
   }
 
-  leaveRegion() {
-    this.closer = null;
-    this.wanted = null;
-    this.region.width = 0;
-    this.wantRegion(null);
+  drop(name) {
+    this.pieces.get(name).canvas.remove();
+    this.pieces.delete(name);
+  }
+
+  leavePieces() {
+    for (const name of this.pieces.keys()) this.drop(name);
+    this.wanted = "";
+    this.wantPieces([]);
+  }
+
+  get isFinished() {
+    return [...this.previews.values()].some((preview) => preview.finished);
   }
 
   /**
-   * The part of the frame that the screen shows, if it shows it larger than the preview is and it may be
-   * fetched. All of a frame that grows comes sooner, and again and again.
+   * The parts of the frame that the screen shows, if it shows them larger than the preview is. All of a frame
+   * that grows comes sooner, and again and again.
    */
-  visibleRegion() {
-    if (!this.size || this.size.reduction === 1 || this.zoom < 1) return null;
-    if (this.fitted && ![...this.previews.values()].some((preview) => preview.finished)) return null;
+  visiblePieces() {
+    if (!this.size || this.size.reduction === 1 || this.zoom * devicePixelRatio <= 1) return [];
+    if (this.fitted && !this.isFinished) return [];
     const {width, height, reduction} = this.size;
     const scale = this.zoom / reduction; // pixels of the screen for each of the frame
     const side = (offset, shown, most) =>
       [Math.max(0, Math.floor(-offset / scale)), Math.min(most, Math.ceil((shown - offset) / scale))];
     const [x0, x1] = side(this.x, this.viewer.clientWidth, width);
     const [y0, y1] = side(this.y, this.viewer.clientHeight, height);
-    if (x0 >= x1 || y0 >= y1 || x1 - x0 > MOST_REGION || y1 - y0 > MOST_REGION) return null;
-    return [x0, y0, x1, y1].join();
+    return piecesOf(this.size, [x0, y0, x1, y1], this.isFinished);
   }
 
   /** Wants what is looked at, once the view stays as it is. */
   lookCloser() {
     clearTimeout(this.looking);
     this.looking = setTimeout(() => {
-      const region = this.visibleRegion();
-      const wanted = region && [region, ...this.layers].join();
+      const names = this.visiblePieces();
+      const wanted = names.length ? [...names, ...this.seen].join(" ") : "";
       if (wanted === this.wanted) return;
-      if (!region) return this.leaveRegion();
+      if (!names.length && !this.isFinished) return this.leavePieces();
       this.wanted = wanted;
-      this.wantRegion(region);
-    }, REGION_PAUSE_MS);
+      const lacks = (name) => this.seen.some((layer) => !this.pieces.get(name)?.previews.has(layer));
+      this.wantPieces(this.isFinished ? names.filter(lacks) : names);
+    }, PIECES_PAUSE_MS);
   }
 
   place() {
     this.canvas.style.transform = `translate(${this.x}px, ${this.y}px) scale(${this.zoom})`;
     this.canvas.classList.toggle("pixels", this.zoom >= 2);
-    if (this.closer) {
+    for (const {canvas, x0, y0} of this.pieces.values()) {
       const scale = this.zoom / this.size.reduction;
-      const [x, y] = [this.x + this.closer.x0 * scale, this.y + this.closer.y0 * scale];
-      this.region.style.transform = `translate(${x}px, ${y}px) scale(${scale})`;
-      this.region.classList.toggle("pixels", scale >= 2);
+      const [x, y] = [this.x + x0 * scale, this.y + y0 * scale];
+      canvas.style.transform = `translate(${x}px, ${y}px) scale(${scale})`;
+      canvas.classList.toggle("pixels", scale >= 2);
     }
     this.lookCloser();
   }
@@ -211,7 +234,6 @@ export class Viewer {
   }
 
   press(event) {
-    if (event.target === this.split) return;
     this.viewer.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, event);
   }
@@ -242,7 +264,7 @@ export class Viewer {
     if (x < 0 || y < 0 || x >= this.size.width || y >= this.size.height) return;
     const parts = [];
     for (const layer of new Set(this.layers)) {
-      const values = this.closerValues(layer, x, y) ?? this.valuesOf(this.previews.get(layer), x, y);
+      const values = this.closeValues(layer, x, y) ?? this.valuesOf(this.previews.get(layer), x, y);
       const text = values?.map((value) => value.toPrecision(4)).join(" ");
       if (values) parts.push(`${layer || "filtered"} ${text}`);
     }
@@ -256,11 +278,15 @@ export class Viewer {
     return preview.planes.map((plane) => plane[at]);
   }
 
-  closerValues(layer, x, y) {
-    const preview = this.closer && this.newEnough().get(layer);
-    const [column, row] = [x - this.closer?.x0, y - this.closer?.y0];
-    if (!preview || column < 0 || row < 0) return null;
-    if (column >= preview.preview_width || row >= preview.preview_height) return null;
-    return preview.planes.map((plane) => plane[row * preview.preview_width + column]);
+  /** The same of a part that is fetched pixel by pixel. */
+  closeValues(layer, x, y) {
+    for (const piece of this.pieces.values()) {
+      const preview = this.newEnough(piece).get(layer);
+      const [column, row] = [x - piece.x0, y - piece.y0];
+      if (!preview || column < 0 || row < 0) continue;
+      if (column >= preview.preview_width || row >= preview.preview_height) continue;
+      return preview.planes.map((plane) => plane[row * preview.preview_width + column]);
+    }
+    return null;
   }
 }

@@ -26,6 +26,66 @@ export function duration(seconds) {
   return minutes < 90 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
 }
 
+/** "12:04", "Mon 12:04", "3 Nov": as short as it can be at the time `now`, both in milliseconds. */
+export function timeOf(unixMs, now = Date.now()) {
+  const time = new Date(Number(unixMs)), today = new Date(now);
+  const clock = time.toLocaleTimeString([], {hour: "2-digit", minute: "2-digit"});
+  if (time.toDateString() === today.toDateString()) return clock;
+  const days = daysBetween(time, today);
+  if (days < 7) return `${time.toLocaleDateString([], {weekday: "short"})} ${clock}`;
+  const year = time.getFullYear() === today.getFullYear() ? {} : {year: "numeric"};
+  return time.toLocaleDateString([], {day: "numeric", month: "short", ...year});
+}
+
+function daysBetween(early, late) {
+  const midnight = (time) => new Date(time.getFullYear(), time.getMonth(), time.getDate()).getTime();
+  return Math.round((midnight(late) - midnight(early)) / 86400000);
+}
+
+/** The heading under which a list has a job. */
+export function groupOf(job, now = Date.now()) {
+  if (!hasEnded(job)) return "Active";
+  const time = new Date(Number(job.submitted_unix_ms));
+  const days = daysBetween(time, new Date(now));
+  if (days <= 0) return "Today";
+  if (days === 1) return "Yesterday";
+  if (days < 7) return "This week";
+  return time.toLocaleDateString([], {month: "long", year: "numeric"});
+}
+
+/** Seconds from the first unit to the last file, as far as that is; 0: nothing has begun. */
+export function secondsOf(job) {
+  const times = job.times ?? {};
+  return ["render_seconds", "assemble_seconds", "filter_seconds", "write_seconds"]
+    .reduce((sum, name) => sum + (times[name] ?? 0), 0);
+}
+
+/** Whether a job passes what is typed and chosen above the list: {text, user, state}. */
+export function passes(job, filter) {
+  const state = stateOf(job);
+  if (filter.user && userOf(job) !== filter.user) return false;
+  if (filter.state === "active" && hasEnded(job)) return false;
+  if (filter.state === "done" && !isDone(job)) return false;
+  if (["failed", "cancelled"].includes(filter.state) && state !== filter.state) return false;
+  const text = filter.text.trim().toLowerCase();
+  const texts = [job.display_name, job.job_id, userOf(job)];
+  return !text || texts.some((each) => each?.toLowerCase().includes(text));
+}
+
+export function userOf(job) {
+  return job.scheduling?.user || "anonymous";
+}
+
+/**
+ * Whether rendering a failed job again can end otherwise: not where workers have said of the scene itself
+ * that it cannot be rendered, which is before the first sample.
+ */
+export function mayRetry(job) {
+  if (stateOf(job) === "done with gaps" || stateOf(job) === "cancelled") return true;
+  const waited = (job.scheduling?.after ?? []).length > 0;
+  return stateOf(job) === "failed" && (Number(job.samples_done) > 0 || waited);
+}
+
 /** Part of a job's samples that is there, 0 to 1: units of a first pass are small. */
 export function progressOf(job) {
   if (isDone(job)) return 1;

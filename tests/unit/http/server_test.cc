@@ -76,6 +76,37 @@ TEST(HttpServer, StreamsPiecesUntilTheirEnd) {
   EXPECT_EQ(streams, 0);
 }
 
+TEST(HttpServer, AStreamOfKnownLengthStatesIt) {
+  const TestServer test({.handler = [&](const Request& request) {
+    const auto next = std::make_shared<int>(0);
+    return Response{
+        .stream = [next, fails = request.path == "/fails"]() -> absl::StatusOr<std::optional<std::string>> {
+          if (fails && *next == 1) return absl::UnavailableError("lost");
+          if (++*next == 3) return std::nullopt;
+          return absl::StrCat("piece ", *next);
+        },
+        .stream_bytes = request.path == "/" ? 14 : 20};
+  }});
+  RawCaller caller = test.Caller();
+  caller.Send("GET / HTTP/1.1\r\n\r\n");
+  EXPECT_EQ(caller.ReadTo("piece 2"), "HTTP/1.1 200 OK\r\nContent-Length: 14\r\n\r\npiece 1piece 2");
+  caller.Send("GET /short HTTP/1.1\r\n\r\n");  // over the same connection, which then is closed
+  EXPECT_EQ(caller.ReadAll(), "HTTP/1.1 200 OK\r\nContent-Length: 20\r\n\r\npiece 1piece 2");
+  EXPECT_EQ(test.Ask("GET /fails HTTP/1.1\r\n\r\n"), "HTTP/1.1 200 OK\r\nContent-Length: 20\r\n\r\npiece 1");
+}
+
+TEST(HttpServer, AStreamThatFailsHasNoEnd) {
+  const TestServer test({.handler = [&](const Request&) {
+    const auto next = std::make_shared<int>(0);
+    return Response{.stream = [next]() -> absl::StatusOr<std::optional<std::string>> {
+      if (++*next == 2) return absl::UnavailableError("lost");
+      return "piece";
+    }};
+  }});
+  EXPECT_EQ(test.Ask("GET / HTTP/1.1\r\n\r\n"),
+            "HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n5\r\npiece\r\n");
+}
+
 TEST(HttpServer, AStreamGoesWithItsCaller) {
   std::atomic<int> streams = 0;
   const TestServer test({.handler = [&](const Request&) {

@@ -148,8 +148,7 @@ TEST_F(FarmViewTest, CallsInJson) {
        {"", "{", "[]", "\"j-1\"", R"({"job":"j-1"})", R"({"job_id":7.5})", "{}}", "\xff"})
     EXPECT_TRUE(absl::IsInvalidArgument(calls_->CallInJson(session_, "CancelJob", request).status()))
         << request;
-  for (const char* method :
-       {"", "Cancel", "SubmitJob", "DeleteJob", "UploadAsset", "WatchJob", "CreatePageLink"})
+  for (const char* method : {"", "Cancel", "UploadAsset", "WatchJob", "DownloadResult", "GetPreview"})
     EXPECT_TRUE(absl::IsNotFound(calls_->CallInJson(session_, method, "{}").status())) << method;
 }
 

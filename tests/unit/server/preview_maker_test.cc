@@ -106,6 +106,20 @@ TEST_F(PreviewMakerTest, TheFirstPicturesAreUrgentAndOthersTakeWhatIsIdle) {
   EXPECT_LE(urgent_, 3) << "each frame has its own";
 }
 
+TEST_F(PreviewMakerTest, ThatOfAFinishedFrameIsUrgentAlways) {
+  options_.urgent_time = absl::ZeroDuration();
+  options_.urgent_share = 0;
+  Start();
+  for (int64_t units = 3; units < 6; ++units) {
+    units_ = units;
+    EXPECT_EQ(Ask("j-a", 0, units - 1).get()->units(), units);
+  }
+  const int before = urgent_;
+  units_ = kFinishedUnits;
+  EXPECT_EQ(Ask("j-a", 0, 5).get()->units(), kFinishedUnits);
+  EXPECT_EQ(urgent_, before + 1);
+}
+
 TEST_F(PreviewMakerTest, ARegionIsAPictureOfItsOwn) {
   options_.make = [make = options_.make](const job::JobId& job, int32_t frame,
                                          const PreviewRequest& request) -> Result {

@@ -42,6 +42,7 @@ class MaterialReader {
     ReadVolume();
     ReadClearcoat();
     ReadSheen();
+    ReadAnisotropy();
     ReadSpecularGlossiness();
     if (!fields_.status().ok()) return fields_.status();
     if (!texture_status_.ok()) return WithContext(texture_status_, fields_.place());
@@ -153,6 +154,18 @@ class MaterialReader {
     if (material_.sheen.color == Vec3{0, 0, 0}) return;
     material_.sheen.color_texture = ExtensionRef(*extension, "sheenColorTexture");
     material_.sheen.roughness_texture = ExtensionRef(*extension, "sheenRoughnessTexture");
+  }
+
+  void ReadAnisotropy() {
+    const auto* extension = Extension("KHR_materials_anisotropy");
+    if (extension == nullptr) return;
+    Material::Anisotropy& anisotropy = material_.anisotropy;
+    anisotropy.strength = Fraction(fields_.Number(*extension, "anisotropyStrength", 0), "anisotropyStrength");
+    if (anisotropy.strength == 0) return;
+    const double angle = fields_.Number(*extension, "anisotropyRotation", 0);
+    SinCos(fields_.Clamped(angle, -1000, 1000, "anisotropyRotation"), &anisotropy.direction.y,
+           &anisotropy.direction.x);
+    anisotropy.texture = ExtensionRef(*extension, "anisotropyTexture");
   }
 
   /// Replaces the metallic-roughness values, which the extension's text ranks below these, by those of a

@@ -94,6 +94,12 @@ struct Material {
     float roughness = 0;           // perceptual: sheen alpha = roughness^2
     TextureRef roughness_texture;  // A
   };
+  /// KHR_materials_anisotropy: one direction of the base's microfacets is rougher.
+  struct Anisotropy {
+    float strength = 0;
+    Vec2 direction = {1, 0};  // of the greater roughness, along tangent and bitangent; turns the texture's
+    TextureRef texture;       // R and G direction, B strength
+  };
   /// KHR_materials_volume.
   struct Volume {
     bool is_solid = false;  // thickness > 0: refracts; else thin
@@ -114,6 +120,7 @@ struct Material {
   Transmission transmission;
   Clearcoat clearcoat;
   Sheen sheen;
+  Anisotropy anisotropy;
   Volume volume;
 };
 
@@ -124,7 +131,7 @@ struct TextureUse {
 };
 
 /// All of a material's references, including those that name no texture.
-std::array<TextureUse, 12> TexturesOf(const Material& material);
+std::array<TextureUse, 13> TexturesOf(const Material& material);
 
 /// Triangles of one material. Vectors other than positions and triangles are empty or as long as positions.
 struct Mesh {

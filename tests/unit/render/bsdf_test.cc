@@ -18,7 +18,7 @@ constexpr float kGlassIor = 1.5f;
 constexpr float kDenseIor = 2.0f;
 
 const AlbedoTable& Table() {
-  static const AlbedoTable table({.sheen = true, .glass_iors = {kGlassIor, kDenseIor}});
+  static const AlbedoTable table({.anisotropic = true, .sheen = true, .glass_iors = {kGlassIor, kDenseIor}});
   return table;
 }
 
@@ -74,6 +74,11 @@ SurfaceMaterial Cloth(float sheen_roughness) {
   return m;
 }
 
+SurfaceMaterial Brushed(SurfaceMaterial m, float strength) {
+  m.anisotropy = Vec3{0.6f, 0.8f, 0} * strength;
+  return m;
+}
+
 struct BsdfCase {
   std::string name;
   SurfaceMaterial material;
@@ -97,6 +102,10 @@ std::vector<BsdfCase> RoughMaterials() {
     all.push_back({"thin glass" + at, Glass(roughness, true, false)});
     all.push_back({"coated plastic" + at, Coated(Plastic(0.5f), roughness)});
     all.push_back({"cloth" + at, Cloth(roughness)});
+    all.push_back({"brushed plastic" + at, Brushed(Plastic(roughness), 0.7f)});
+    all.push_back({"brushed metal" + at, Brushed(Metal(roughness), 0.5f)});
+    all.push_back({"brushed glass" + at, Brushed(Glass(roughness, false, false), 0.6f)});
+    all.push_back({"brushed thin glass" + at, Brushed(Glass(roughness, true, false), 0.6f)});
   }
   SurfaceMaterial mixed = Metal(0.5f);
   mixed.metallic = 0.5f;
@@ -228,7 +237,11 @@ TEST(Bsdf, WhiteFurnaceHolds) {
                                     {"thin glass", Glass(roughness, true, false)},
                                     {"coated plastic", Coated(Plastic(0.6f), roughness)},
                                     {"coated metal", Coated(Metal(0.6f), roughness)},
-                                    {"cloth", Cloth(roughness)}};
+                                    {"cloth", Cloth(roughness)},
+                                    {"brushed plastic", Brushed(Plastic(roughness), 0.8f)},
+                                    {"brushed metal", Brushed(Metal(roughness), 0.6f)},
+                                    {"strongly brushed metal", Brushed(Metal(roughness), 1)},
+                                    {"brushed thin glass", Brushed(Glass(roughness, true, false), 0.6f)}};
     SurfaceMaterial mixed = Metal(roughness);
     mixed.metallic = 0.4f;
     mixed.transmission = 0.7f;
@@ -237,8 +250,9 @@ TEST(Bsdf, WhiteFurnaceHolds) {
       material.base_color = {1, 1, 1};
       material.sheen_color = MaxComponent(material.sheen_color) > 0 ? Vec3{1, 1, 1} : Vec3{0, 0, 0};
       material.coat_normal = kUp;
+      const double tolerance = LengthSquared(material.anisotropy) > 0 ? 0.02 : 0.01;
       for (const double cosine : {0.99, 0.7, 0.4, 0.2}) {
-        EXPECT_NEAR(SampledAlbedo(Make(material, DirectionAt(cosine, 0.4))), 1, 0.01)
+        EXPECT_NEAR(SampledAlbedo(Make(material, DirectionAt(cosine, 0.4))), 1, tolerance)
             << name << " roughness " << roughness << " cosine " << cosine;
       }
     }

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/support/gltf_fixture.h"
 #include "tests/unit/scene/load.h"
 
@@ -298,6 +300,19 @@ TEST(Materials, ReadCoatAndSheen) {
   EXPECT_EQ(m.sheen.roughness_texture.texture, 0);
 }
 
+TEST(Materials, ReadAnisotropy) {
+  const Material m = MaterialOf({{"extensions",
+                                  {{"KHR_materials_anisotropy",
+                                    {{"anisotropyStrength", 0.75},
+                                     {"anisotropyRotation", 0.5},
+                                     {"anisotropyTexture", {{"index", 0}, {"texCoord", 1}}}}}}}});
+  EXPECT_EQ(m.anisotropy.strength, 0.75f);
+  EXPECT_NEAR(m.anisotropy.direction.x, std::cos(0.5f), 1e-6f);
+  EXPECT_NEAR(m.anisotropy.direction.y, std::sin(0.5f), 1e-6f);
+  EXPECT_EQ(m.anisotropy.texture.texture, 0);
+  EXPECT_EQ(m.anisotropy.texture.uv_set, 1);
+}
+
 TEST(Materials, ReadTexturesOfExtensions) {
   const Material m = MaterialOf(
       {{"extensions",
@@ -325,7 +340,8 @@ TEST(Materials, RefuseMalformedTexturesOfExtensions) {
 TEST(Materials, DoNotDecodeTexturesOfFactorZero) {
   const Scene scene =
       MustLoad(WithMaterial({{"extensions",
-                              {{"KHR_materials_clearcoat", {{"clearcoatTexture", {{"index", 0}}}}},
+                              {{"KHR_materials_anisotropy", {{"anisotropyTexture", {{"index", 0}}}}},
+                               {"KHR_materials_clearcoat", {{"clearcoatTexture", {{"index", 0}}}}},
                                {"KHR_materials_sheen", {{"sheenColorTexture", {{"index", 0}}}}},
                                {"KHR_materials_transmission", {{"transmissionTexture", {{"index", 0}}}}}}}}));
   EXPECT_THAT(scene.images, IsEmpty());

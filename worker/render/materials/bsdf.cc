@@ -49,8 +49,6 @@ Vec3 LocalOnUpperSide(const Frame& frame, Vec3 wo) {
   return local;
 }
 
-Vec3 MirrorDirection(Vec3 wo, Vec3 h) { return h * (2.0f * Dot(wo, h)) - wo; }
-
 float CoatFresnel(float coat, float cos_h) {
   return coat * SchlickFresnel({kCoatF0, 0, 0}, {1, 0, 0}, cos_h).x;
 }
@@ -58,15 +56,24 @@ float CoatFresnel(float coat, float cos_h) {
 }  // namespace
 
 bool SurfaceMaterial::IsBaseOnly() const {
-  if (transmission > 0 || clearcoat > 0 || MaxComponent(sheen_color) > 0) return false;
+  if (transmission > 0 || clearcoat > 0 || MaxComponent(sheen_color) > 0 || LengthSquared(anisotropy) > 0)
+    return false;
   return roughness * roughness >= kDeltaAlpha || IsDiffuseOnly();
+}
+
+GgxAlpha SurfaceMaterial::Alpha() const {
+  const float least = roughness * roughness;
+  const float strength2 = std::min(LengthSquared(anisotropy), 1.0f);
+  if (strength2 <= 0) return GgxAlpha(least);
+  const float across = std::max(least, kDeltaAlpha);
+  return {across + (1.0f - across) * strength2, across};
 }
 
 BaseMaterial::BaseMaterial(const SurfaceMaterial& material, const AlbedoTable& table)
     : base_color(material.base_color),
       metallic(material.metallic),
       base_weight((1.0f - material.metallic) * (1.0f - material.transmission)),
-      alpha(material.roughness * material.roughness),
+      alpha(material.Alpha().Mean()),
       root_alpha(std::sqrt(alpha)),
       dielectric_f90(material.specular) {
   const Vec3 normal = material.specular_color * NormalReflectance(material.ior);
@@ -81,7 +88,7 @@ BaseMaterial::BaseMaterial(const SurfaceMaterial& material, const AlbedoTable& t
 }
 
 Bsdf::Bsdf(const SurfaceMaterial& material, const AlbedoTable& table, Vec3 normal, Vec3 geometric, Vec3 wo)
-    : table_(&table), frame_(normal), geometric_(geometric) {
+    : table_(&table), frame_(normal, material.anisotropy), geometric_(geometric) {
   if (material.IsDiffuseOnly()) {
     diffuse_albedo_ = material.base_color;
     p_.diffuse = MaxComponent(diffuse_albedo_) > 0 ? 1.0f : 0.0f;
@@ -100,14 +107,14 @@ Bsdf::Bsdf(const SurfaceMaterial& material, const AlbedoTable& table, Vec3 norma
 /// Returns the fraction of the light that the coat passes to the layers below.
 float Bsdf::AddCoat(const SurfaceMaterial& material, Vec3 wo) {
   coat_.weight = material.clearcoat;
-  coat_.alpha = material.clearcoat_roughness * material.clearcoat_roughness;
-  coat_.mirror = coat_.alpha < kDeltaAlpha;
+  coat_.alpha = GgxAlpha(material.clearcoat_roughness * material.clearcoat_roughness);
+  coat_.mirror = coat_.alpha.x < kDeltaAlpha;
   coat_.normal = material.coat_normal;
   coat_.wo = LocalOnUpperSide(Frame(coat_.normal), wo);
   if (coat_.mirror) {
     coat_.albedo = CoatFresnel(coat_.weight, coat_.wo.z);
   } else {
-    const DirectionalAlbedo seen = table_->Lookup(coat_.wo.z, coat_.alpha);
+    const DirectionalAlbedo seen = table_->Lookup(coat_.wo, coat_.alpha);
     coat_.albedo = coat_.weight * (kCoatF0 * seen.scale + seen.bias);
   }
   return 1.0f - coat_.albedo;
@@ -124,13 +131,13 @@ float Bsdf::AddSheen(const SurfaceMaterial& material, float share) {
 /// Adds metal and the diffuse base under its dielectric layer.
 void Bsdf::AddBase(const SurfaceMaterial& material) {
   const BaseMaterial base(material, *table_);
-  facets_.alpha = base.alpha;
-  facets_.mirror = facets_.alpha < kDeltaAlpha;
+  facets_.alpha = material.Alpha();
+  facets_.mirror = facets_.alpha.x < kDeltaAlpha;
   facets_.f0 = base.f0;
   facets_.f90 = {base.f90, base.f90, base.f90};
   dielectric_ = {base.dielectric_f0, base.dielectric_f90, base.mean_albedo};
 
-  const DirectionalAlbedo seen = base.f90 > 0 ? table_->Lookup(wo_.z, facets_.alpha) : DirectionalAlbedo{};
+  const DirectionalAlbedo seen = base.f90 > 0 ? table_->Lookup(wo_, facets_.alpha) : DirectionalAlbedo{};
   float dielectric_albedo = 0;
   if (dielectric_.f90 > 0) {
     dielectric_albedo = std::min(dielectric_.f0 * seen.scale + dielectric_.f90 * seen.bias, 1.0f);
@@ -174,9 +181,9 @@ void Bsdf::AddGlass(const SurfaceMaterial& material, float share) {
   glass_.weight = whole;
   glass_.tint = material.base_color;
   if (!facets_.mirror) {
-    const DirectionalAlbedo seen = table_->Lookup(wo_.z, facets_.alpha);
+    const DirectionalAlbedo seen = table_->Lookup(wo_, facets_.alpha);
     glass_.weight /= glass_.thin ? seen.scale + seen.bias
-                                 : table_->Glass(material.ior, material.inside, wo_.z, facets_.alpha);
+                                 : table_->Glass(material.ior, material.inside, wo_.z, facets_.alpha.Mean());
   }
   float cos_t = 0;
   const float reflected = DielectricFresnel(wo_.z, glass_.eta, &cos_t);
@@ -213,8 +220,8 @@ Vec3 Bsdf::Albedo() const {
 }
 
 float Bsdf::ReflectionAlpha() const {
-  if (p_.coat > p_.facets) return coat_.alpha;
-  return p_.facets > 0 ? facets_.alpha : 1.0f;
+  if (p_.coat > p_.facets) return coat_.alpha.Mean();
+  return p_.facets > 0 ? facets_.alpha.Mean() : 1.0f;
 }
 
 Vec3 Bsdf::StraightTransmittance() const {
@@ -241,7 +248,7 @@ Bsdf::Fresnel Bsdf::FresnelAt(float cos_h) const {
 float Bsdf::DiffuseLobe(float cos_i) const {
   float coupling = 1;
   if (dielectric_.f90 > 0) {
-    const DirectionalAlbedo albedo = table_->Lookup(cos_i, facets_.alpha);
+    const DirectionalAlbedo albedo = table_->Lookup(cos_i, facets_.alpha.Mean());
     coupling = (1.0f - std::min(dielectric_.f0 * albedo.scale + dielectric_.f90 * albedo.bias, 1.0f)) /
                (1.0f - dielectric_.mean_albedo);
   }
@@ -251,7 +258,7 @@ float Bsdf::DiffuseLobe(float cos_i) const {
 void Bsdf::EvaluateFacets(Vec3 wi, BsdfValue* value, float* pdf) const {
   const Vec3 h = Normalize(wi + wo_);
   const float cos_h = std::max(Dot(wo_, h), 1e-6f);
-  const float lobe = GgxDensity(h, facets_.alpha) * GgxVisibility(wi.z, wo_.z, facets_.alpha) * wi.z;
+  const float lobe = GgxDensity(h, facets_.alpha) * GgxVisibility(wi, wo_, facets_.alpha) * wi.z;
   float probability = p_.facets;
   if (glass_.weight > 0) {
     const Fresnel fresnel = FresnelAt(cos_h);
@@ -274,7 +281,7 @@ void Bsdf::EvaluateTransmission(Vec3 wi, BsdfValue* value, float* pdf) const {
   const Fresnel fresnel = FresnelAt(cos_h);
   const float jacobian = glass_.thin ? 1.0f / (4.0f * cos_h) : RefractionJacobian(wo_, wi, h, glass_.eta);
   const float density = GgxVisibleDensity(wo_, h, facets_.alpha) * jacobian;
-  value->non_diffuse += fresnel.transmitted * (density * GgxShadowing(-wi.z, wo_.z, facets_.alpha));
+  value->non_diffuse += fresnel.transmitted * (density * GgxShadowing(wi, wo_, facets_.alpha));
   *pdf += p_.facets * (1.0f - fresnel.p_reflect) * density;
 }
 
@@ -284,7 +291,7 @@ void Bsdf::EvaluateCoat(Vec3 wi_world, BsdfValue* value, float* pdf) const {
   const Vec3 h = Normalize(wi + coat_.wo);
   const float cos_h = std::max(Dot(coat_.wo, h), 1e-6f);
   const float lobe = CoatFresnel(coat_.weight, cos_h) * GgxDensity(h, coat_.alpha) *
-                     GgxVisibility(wi.z, coat_.wo.z, coat_.alpha) * wi.z;
+                     GgxVisibility(wi, coat_.wo, coat_.alpha) * wi.z;
   value->non_diffuse += {lobe, lobe, lobe};
   *pdf += p_.coat * GgxVisibleDensity(coat_.wo, h, coat_.alpha) / (4.0f * cos_h);
 }

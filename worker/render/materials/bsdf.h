@@ -1,6 +1,7 @@
 #pragma once
 
 #include "worker/render/materials/albedo_table.h"
+#include "worker/render/materials/microfacet.h"
 #include "worker/render/sampling/frame.h"
 #include "worker/scene/scene.h"
 
@@ -14,6 +15,7 @@ struct SurfaceMaterial {
   float ior = 1.5f;
   float specular = 1;  // factor of KHR_materials_specular
   Vec3 specular_color = {1, 1, 1};
+  Vec3 anisotropy = {0, 0, 0};  // direction of the greater roughness, as long as it is strong
   float transmission = 0;
   bool thin = true;     // transmits without refraction, like a pane
   bool inside = false;  // the ray comes from inside the volume
@@ -25,6 +27,8 @@ struct SurfaceMaterial {
 
   /// Whether there are no lobes but the diffuse one and rough reflection by metal and dielectric layer.
   bool IsBaseOnly() const;
+  /// Of the microfacets of metal, dielectric layer and glass; x is the direction of `anisotropy`.
+  GgxAlpha Alpha() const;
   bool IsDiffuseOnly() const {
     return metallic <= 0 && specular <= 0 && transmission <= 0 && clearcoat <= 0 &&
            MaxComponent(sheen_color) <= 0;
@@ -74,7 +78,8 @@ struct BsdfSample {
 /// Each layer passes the fraction 1 - A(wo) of the light to the layers below, with A its directional albedo.
 /// The diffuse lobe is T * (1 - A(wi)) / (1 - mean A) * cos / pi under the dielectric layer, which makes the
 /// two reciprocal. Metal and glass compensate for the energy that single scattering loses between
-/// microfacets. All layers conserve energy; coat, sheen, metal and glass are not reciprocal.
+/// microfacets. All layers conserve energy; coat, sheen, metal and glass are not reciprocal, nor are
+/// anisotropic layers.
 /// Inside solid glass, paths carry radiance over the squared index of the medium, which no boundary changes:
 /// after a path has left the glass it carries radiance again.
 /// Sources: glTF 2.0 appendix B and the KHR_materials extensions (parameters and layers); Kelemen &
@@ -135,7 +140,7 @@ class Bsdf {
 
   /// Microfacets of metal and of the dielectric layer (Schlick's Fresnel), and of glass.
   struct Facets {
-    float alpha = 1;
+    GgxAlpha alpha;
     bool mirror = false;
     Vec3 f0 = {0, 0, 0};
     Vec3 f90 = {0, 0, 0};
@@ -155,7 +160,7 @@ class Bsdf {
   };
   /// Read only if its probability is above 0.
   struct Coat {
-    float alpha = 0;
+    GgxAlpha alpha;
     float weight = 0;
     float albedo = 0;
     bool mirror = false;

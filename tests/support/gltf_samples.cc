@@ -53,6 +53,8 @@ GltfFixture FurnishedDocument() {
                   {{"index", 0}, {"extensions", {{"KHR_texture_transform", {{"offset", {0.5, 0}}}}}}}}}},
                {"extensions",
                 {{"KHR_materials_ior", {{"ior", 1.3}}},
+                 {"KHR_materials_diffuse_transmission",
+                  {{"diffuseTransmissionFactor", 0.5}, {"diffuseTransmissionColorTexture", {{"index", 0}}}}},
                  {"KHR_materials_anisotropy",
                   {{"anisotropyStrength", 0.5}, {"anisotropyTexture", {{"index", 1}}}}}}}});
   const int normals = fixture.AddShorts({0, 0, 32767, 0, 0, 32767, 0, 0, 32767}, "VEC3", true);

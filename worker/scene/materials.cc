@@ -43,6 +43,7 @@ class MaterialReader {
     ReadClearcoat();
     ReadSheen();
     ReadAnisotropy();
+    ReadDiffuseTransmission();
     ReadSpecularGlossiness();
     if (!fields_.status().ok()) return fields_.status();
     if (!texture_status_.ok()) return WithContext(texture_status_, fields_.place());
@@ -166,6 +167,20 @@ class MaterialReader {
     SinCos(fields_.Clamped(angle, -1000, 1000, "anisotropyRotation"), &anisotropy.direction.y,
            &anisotropy.direction.x);
     anisotropy.texture = ExtensionRef(*extension, "anisotropyTexture");
+  }
+
+  void ReadDiffuseTransmission() {
+    const auto* extension = Extension("KHR_materials_diffuse_transmission");
+    if (extension == nullptr) return;
+    Material::DiffuseTransmission& transmission = material_.diffuse_transmission;
+    transmission.factor =
+        Fraction(fields_.Number(*extension, "diffuseTransmissionFactor", 0), "diffuseTransmissionFactor");
+    if (transmission.factor == 0) return;
+    transmission.color =
+        FractionColor(fields_.Numbers<3>(*extension, "diffuseTransmissionColorFactor", {1, 1, 1}),
+                      "diffuseTransmissionColorFactor");
+    transmission.factor_texture = ExtensionRef(*extension, "diffuseTransmissionTexture");
+    transmission.color_texture = ExtensionRef(*extension, "diffuseTransmissionColorTexture");
   }
 
   /// Replaces the metallic-roughness values, which the extension's text ranks below these, by those of a

@@ -100,6 +100,13 @@ struct Material {
     Vec2 direction = {1, 0};  // of the greater roughness, along tangent and bitangent; turns the texture's
     TextureRef texture;       // R and G direction, B strength
   };
+  /// KHR_materials_diffuse_transmission: the part of the diffuse base's light that leaves on the other side.
+  struct DiffuseTransmission {
+    float factor = 0;
+    TextureRef factor_texture;  // A
+    Vec3 color = {1, 1, 1};     // in place of the base colour
+    TextureRef color_texture;   // sRGB
+  };
   /// KHR_materials_volume.
   struct Volume {
     bool is_solid = false;  // thickness > 0: refracts; else thin
@@ -121,6 +128,7 @@ struct Material {
   Clearcoat clearcoat;
   Sheen sheen;
   Anisotropy anisotropy;
+  DiffuseTransmission diffuse_transmission;
   Volume volume;
 };
 
@@ -131,7 +139,7 @@ struct TextureUse {
 };
 
 /// All of a material's references, including those that name no texture.
-std::array<TextureUse, 13> TexturesOf(const Material& material);
+std::array<TextureUse, 15> TexturesOf(const Material& material);
 
 /// Triangles of one material. Vectors other than positions and triangles are empty or as long as positions.
 struct Mesh {

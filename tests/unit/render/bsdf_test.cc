@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "filter/image/portable_math.h"
 #include "worker/render/sampling/sampler.h"
 
 namespace lumifold::render {
@@ -79,6 +80,13 @@ SurfaceMaterial Brushed(SurfaceMaterial m, float strength) {
   return m;
 }
 
+SurfaceMaterial Leaf(float roughness) {
+  SurfaceMaterial m = Plastic(roughness);
+  m.diffuse_transmission = 0.6f;
+  m.diffuse_transmission_color = {0.3f, 0.9f, 0.2f};
+  return m;
+}
+
 struct BsdfCase {
   std::string name;
   SurfaceMaterial material;
@@ -102,6 +110,7 @@ std::vector<BsdfCase> RoughMaterials() {
     all.push_back({"thin glass" + at, Glass(roughness, true, false)});
     all.push_back({"coated plastic" + at, Coated(Plastic(0.5f), roughness)});
     all.push_back({"cloth" + at, Cloth(roughness)});
+    all.push_back({"leaf" + at, Leaf(roughness)});
     all.push_back({"brushed plastic" + at, Brushed(Plastic(roughness), 0.7f)});
     all.push_back({"brushed metal" + at, Brushed(Metal(roughness), 0.5f)});
     all.push_back({"brushed glass" + at, Brushed(Glass(roughness, false, false), 0.6f)});
@@ -126,7 +135,8 @@ template <typename F>
 double IntegrateDirections(const SurfaceMaterial& material, const F& f) {
   constexpr int kCosines = 300;
   constexpr int kAngles = 300;
-  const int lowest = material.transmission > 0 ? -kCosines : 0;
+  const bool transmits = material.transmission > 0 || material.diffuse_transmission > 0;
+  const int lowest = transmits ? -kCosines : 0;
   double sum = 0;
   for (int i = lowest; i < kCosines; ++i) {
     for (int j = 0; j < kAngles; ++j)
@@ -238,6 +248,8 @@ TEST(Bsdf, WhiteFurnaceHolds) {
                                     {"coated plastic", Coated(Plastic(0.6f), roughness)},
                                     {"coated metal", Coated(Metal(0.6f), roughness)},
                                     {"cloth", Cloth(roughness)},
+                                    {"leaf", Leaf(roughness)},
+                                    {"coated leaf", Coated(Leaf(0.6f), roughness)},
                                     {"brushed plastic", Brushed(Plastic(roughness), 0.8f)},
                                     {"brushed metal", Brushed(Metal(roughness), 0.6f)},
                                     {"strongly brushed metal", Brushed(Metal(roughness), 1)},
@@ -248,6 +260,7 @@ TEST(Bsdf, WhiteFurnaceHolds) {
     whites.push_back({"metal, glass and plastic", mixed});
     for (auto& [name, material] : whites) {
       material.base_color = {1, 1, 1};
+      material.diffuse_transmission_color = {1, 1, 1};
       material.sheen_color = MaxComponent(material.sheen_color) > 0 ? Vec3{1, 1, 1} : Vec3{0, 0, 0};
       material.coat_normal = kUp;
       const double tolerance = LengthSquared(material.anisotropy) > 0 ? 0.02 : 0.01;
@@ -269,6 +282,24 @@ TEST(Bsdf, SamplingAgreesWithEvaluation) {
     });
     EXPECT_NEAR(SampledAlbedo(bsdf), integral, 6e-3) << name;
   }
+}
+
+/// Without a dielectric layer both lobes of a leaf are Lambert's, each with its share.
+TEST(Bsdf, LeavesReflectAndTransmitLikeLambert) {
+  SurfaceMaterial leaf = Leaf(0.5f);
+  leaf.specular = 0;
+  const Bsdf bsdf = Make(leaf, DirectionAt(0.6, 1));
+  for (const double cosine : {0.9, 0.5, 0.1}) {
+    float pdf = 0;
+    const float lambert = static_cast<float>(cosine) / kPi;
+    for (int i = 0; i < 3; ++i) {
+      EXPECT_NEAR(Total(bsdf, bsdf.Evaluate(DirectionAt(cosine, 2), &pdf))[i],
+                  0.4f * leaf.base_color[i] * lambert, 1e-6f);
+      EXPECT_NEAR(Total(bsdf, bsdf.Evaluate(-DirectionAt(cosine, 2), &pdf))[i],
+                  0.6f * leaf.diffuse_transmission_color[i] * lambert, 1e-6f);
+    }
+  }
+  EXPECT_EQ(Make(leaf, DirectionAt(0.6, 1)).ReflectionAlpha(), 1);
 }
 
 /// S must be close to the integral of the glossy lobes, and never black if they scatter any light.

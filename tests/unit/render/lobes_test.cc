@@ -41,6 +41,7 @@ Material RandomMaterial(Factors* next) {
   m.sheen.color = Vec3{1, 1, 1} * (next->Next() > 0.5f ? 1.0f : 0.0f);
   m.sheen.roughness = next->Next();
   m.anisotropy.strength = next->Next();
+  m.diffuse_transmission.factor = next->Next();
   m.unlit = next->Next() * next->Next() * next->Next() == 1;
   return m;
 }

@@ -119,6 +119,23 @@ TEST(Surface, TurnsItsAnisotropyFromTheTangent) {
   }
 }
 
+TEST(Surface, ReadsDiffuseTransmissionFromItsTextures) {
+  Scene scene = TriangleFrom(0);
+  scene.images = {std::make_shared<const scene::ImageData>(scene::ImageData{1, 1, {255, 0, 255, 51}})};
+  scene.textures = {{.image = 0}};
+  auto& transmission = scene.materials[0].diffuse_transmission;
+  transmission.factor = 0.5f;
+  transmission.color = {0.5f, 1, 0.25f};
+  transmission.factor_texture.texture = transmission.color_texture.texture = 0;
+  const TextureSampler textures(scene);
+  const SurfaceReader reader(scene, textures);
+  Ray ray;
+  ray.direction = {0, 0, -1};
+  const SurfaceMaterial values = reader.Shade(reader.Read(HitOf(0, kWeights), ray));
+  EXPECT_NEAR(values.diffuse_transmission, 0.1f, 1e-6f);
+  ExpectNear(values.diffuse_transmission_color, {0.5f, 0, 0.25f});
+}
+
 TEST(Surface, OneCornersNormalMakesATriangleSmooth) {
   const Vec3 tilted = Normalize(Vec3{0.4f, 0.2f, 1});
   for (size_t first = 0; first < 3; ++first) {

@@ -313,6 +313,21 @@ TEST(Materials, ReadAnisotropy) {
   EXPECT_EQ(m.anisotropy.texture.uv_set, 1);
 }
 
+TEST(Materials, ReadDiffuseTransmission) {
+  const Material m =
+      MaterialOf({{"extensions",
+                   {{"KHR_materials_diffuse_transmission",
+                     {{"diffuseTransmissionFactor", 0.25},
+                      {"diffuseTransmissionTexture", {{"index", 0}}},
+                      {"diffuseTransmissionColorFactor", {1, 0.5, 0.25}},
+                      {"diffuseTransmissionColorTexture", {{"index", 0}, {"texCoord", 1}}}}}}}});
+  EXPECT_EQ(m.diffuse_transmission.factor, 0.25f);
+  EXPECT_EQ(m.diffuse_transmission.factor_texture.texture, 0);
+  EXPECT_EQ(m.diffuse_transmission.color, (Vec3{1, 0.5f, 0.25f}));
+  EXPECT_EQ(m.diffuse_transmission.color_texture.texture, 0);
+  EXPECT_EQ(m.diffuse_transmission.color_texture.uv_set, 1);
+}
+
 TEST(Materials, ReadTexturesOfExtensions) {
   const Material m = MaterialOf(
       {{"extensions",

@@ -56,7 +56,8 @@ float CoatFresnel(float coat, float cos_h) {
 }  // namespace
 
 bool SurfaceMaterial::IsBaseOnly() const {
-  if (transmission > 0 || clearcoat > 0 || MaxComponent(sheen_color) > 0 || LengthSquared(anisotropy) > 0)
+  if (transmission > 0 || diffuse_transmission > 0 || clearcoat > 0 || MaxComponent(sheen_color) > 0 ||
+      LengthSquared(anisotropy) > 0)
     return false;
   return roughness * roughness >= kDeltaAlpha || IsDiffuseOnly();
 }
@@ -142,7 +143,9 @@ void Bsdf::AddBase(const SurfaceMaterial& material) {
   if (dielectric_.f90 > 0) {
     dielectric_albedo = std::min(dielectric_.f0 * seen.scale + dielectric_.f90 * seen.bias, 1.0f);
   }
-  diffuse_albedo_ = material.base_color * (base.base_weight * (1.0f - dielectric_albedo));
+  const float passed = base.base_weight * (1.0f - dielectric_albedo);
+  diffuse_albedo_ = material.base_color * (passed * (1.0f - material.diffuse_transmission));
+  transmitted_albedo_ = material.diffuse_transmission_color * (passed * material.diffuse_transmission);
   facets_.albedo = facets_.mirror ? SchlickFresnel(facets_.f0, facets_.f90, wo_.z)
                                   : facets_.f0 * seen.scale + facets_.f90 * seen.bias;
   if (base.metallic > 0 && !facets_.mirror) CompensateMetal(material, seen);
@@ -167,6 +170,7 @@ void Bsdf::CompensateMetal(const SurfaceMaterial& material, DirectionalAlbedo se
 /// Reduces the light that metal and base receive to the fraction `share`.
 void Bsdf::ScaleMetalAndBase(float share) {
   diffuse_albedo_ *= share;
+  transmitted_albedo_ *= share;
   facets_.f0 *= share;
   facets_.f90 *= share;
   facets_.albedo *= share;
@@ -194,7 +198,8 @@ void Bsdf::ChooseProbabilities() {
   const float facets = LuminanceOf(facets_.albedo);
   const float diffuse = LuminanceOf(diffuse_albedo_);
   const float sheen = sheen_.albedo > 0 ? LuminanceOf(sheen_.color) * sheen_.albedo : 0.0f;
-  const float rest = facets + coat_.albedo + sheen;
+  const float transmitted = LuminanceOf(transmitted_albedo_);
+  const float rest = facets + coat_.albedo + sheen + transmitted;
   if (diffuse + rest <= 0) return;
   p_.diffuse = diffuse > 0 ? std::max(diffuse / (diffuse + rest), kMinDiffuseProbability) : 0.0f;
   if (rest <= 0) return;
@@ -202,18 +207,19 @@ void Bsdf::ChooseProbabilities() {
   p_.facets = facets * share;
   p_.coat = coat_.albedo * share;
   p_.sheen = sheen * share;
+  p_.transmitted = transmitted * share;
 }
 
 Vec3 Bsdf::GlossyAlbedo() const {
-  Vec3 albedo = {0, 0, 0};
-  if (!facets_.mirror) albedo = facets_.albedo;
+  Vec3 albedo = transmitted_albedo_;
+  if (!facets_.mirror) albedo += facets_.albedo;
   if (p_.coat > 0 && !coat_.mirror) albedo += Vec3{coat_.albedo, coat_.albedo, coat_.albedo};
   if (p_.sheen > 0) albedo += sheen_.color * sheen_.albedo;
   return albedo;
 }
 
 Vec3 Bsdf::Albedo() const {
-  Vec3 albedo = diffuse_albedo_ + facets_.albedo;
+  Vec3 albedo = diffuse_albedo_ + facets_.albedo + transmitted_albedo_;
   if (p_.coat > 0) albedo += Vec3{coat_.albedo, coat_.albedo, coat_.albedo};
   if (p_.sheen > 0) albedo += sheen_.color * sheen_.albedo;
   return albedo;
@@ -307,7 +313,12 @@ BsdfValue Bsdf::Evaluate(Vec3 wi_world, float* pdf) const {
   *pdf = 0;
   const Vec3 wi = frame_.ToLocal(wi_world);
   if (Dot(wi_world, geometric_) <= 0) {
-    if (glass_.weight > 0 && !facets_.mirror && wi.z < 0) EvaluateTransmission(wi, &value, pdf);
+    if (wi.z >= 0) return value;
+    if (glass_.weight > 0 && !facets_.mirror) EvaluateTransmission(wi, &value, pdf);
+    if (p_.transmitted > 0) {
+      value.non_diffuse += transmitted_albedo_ * DiffuseLobe(-wi.z);
+      *pdf += p_.transmitted * -wi.z / kPi;
+    }
     return value;
   }
   if (p_.coat > 0 && !coat_.mirror) EvaluateCoat(wi_world, &value, pdf);
@@ -366,6 +377,11 @@ BsdfSample Bsdf::SampleFacets(float u_lobe, Vec2 u) const {
     return mirrored.z > 0 ? SampleTowards(frame_.ToWorld(mirrored)) : BsdfSample{};
   const Vec3 wi =
       glass_.thin ? Vec3{mirrored.x, mirrored.y, -mirrored.z} : Refract(wo_, h, glass_.eta, fresnel.cos_t);
+  return SampleBelow(wi);
+}
+
+/// `wi` is in the shading frame, of about unit length.
+BsdfSample Bsdf::SampleBelow(Vec3 wi) const {
   if (wi.z >= 0) return {};
   const Vec3 wi_world = Normalize(frame_.ToWorld(wi));
   if (Dot(wi_world, geometric_) >= 0) return {};
@@ -406,7 +422,9 @@ BsdfSample Bsdf::Sample(float u_lobe, Vec2 u) const {
   if (IsDiffuseOnly()) return DiffuseBsdf(diffuse_albedo_, frame_.z, geometric_).Sample(u_lobe, u);
   if (u_lobe < p_.diffuse) return SampleTowards(frame_.ToWorld(CosineDirection(u)));
   // Rounding errors of the probabilities go to the last lobe that exists.
-  const float rest = u_lobe - p_.diffuse;
+  float rest = u_lobe - p_.diffuse;
+  if (rest < p_.transmitted) return SampleBelow(-CosineDirection(u));
+  rest -= p_.transmitted;
   if (p_.sheen > 0 && rest >= p_.facets + p_.coat) return SampleSheen(u);
   if (p_.coat > 0 && rest >= p_.facets) return SampleCoat(u);
   if (p_.facets <= 0) return {};

@@ -15,7 +15,9 @@ struct SurfaceMaterial {
   float ior = 1.5f;
   float specular = 1;  // factor of KHR_materials_specular
   Vec3 specular_color = {1, 1, 1};
-  Vec3 anisotropy = {0, 0, 0};  // direction of the greater roughness, as long as it is strong
+  Vec3 anisotropy = {0, 0, 0};     // direction of the greater roughness, as long as it is strong
+  float diffuse_transmission = 0;  // part of the diffuse base's light
+  Vec3 diffuse_transmission_color = {1, 1, 1};
   float transmission = 0;
   bool thin = true;     // transmits without refraction, like a pane
   bool inside = false;  // the ray comes from inside the volume
@@ -30,8 +32,8 @@ struct SurfaceMaterial {
   /// Of the microfacets of metal, dielectric layer and glass; x is the direction of `anisotropy`.
   GgxAlpha Alpha() const;
   bool IsDiffuseOnly() const {
-    return metallic <= 0 && specular <= 0 && transmission <= 0 && clearcoat <= 0 &&
-           MaxComponent(sheen_color) <= 0;
+    return metallic <= 0 && specular <= 0 && transmission <= 0 && diffuse_transmission <= 0 &&
+           clearcoat <= 0 && MaxComponent(sheen_color) <= 0;
   }
 };
 
@@ -73,11 +75,11 @@ struct BsdfSample {
 };
 
 /// Scattering at one surface point towards `wo`. Lobes are diffuse, glossy (rough reflection, rough
-/// transmission, sheen) or delta (perfectly smooth boundaries). Layers from the outside in: a clear coat; a
+/// transmission, sheen, diffuse transmission) or delta (perfectly smooth boundaries). Layers from the outside in: a clear coat; a
 /// sheen; a mixture of metal, of a diffuse base of albedo T under a dielectric GGX layer, and of glass.
 /// Each layer passes the fraction 1 - A(wo) of the light to the layers below, with A its directional albedo.
 /// The diffuse lobe is T * (1 - A(wi)) / (1 - mean A) * cos / pi under the dielectric layer, which makes the
-/// two reciprocal. Metal and glass compensate for the energy that single scattering loses between
+/// two reciprocal; the diffuse transmission is the same on the other side, in its own colour. Metal and glass compensate for the energy that single scattering loses between
 /// microfacets. All layers conserve energy; coat, sheen, metal and glass are not reciprocal, nor are
 /// anisotropic layers.
 /// Inside solid glass, paths carry radiance over the squared index of the medium, which no boundary changes:
@@ -98,8 +100,8 @@ class Bsdf {
   Vec3 Albedo() const;
   /// Whether Evaluate() can be above 0: false for perfect mirrors and smooth glass.
   bool HasNonDeltaLobe() const {
-    return p_.diffuse > 0 || (p_.facets > 0 && !facets_.mirror) || (p_.coat > 0 && !coat_.mirror) ||
-           p_.sheen > 0;
+    return p_.diffuse > 0 || p_.transmitted > 0 || (p_.facets > 0 && !facets_.mirror) ||
+           (p_.coat > 0 && !coat_.mirror) || p_.sheen > 0;
   }
 
   /// S: the directional albedo of all glossy lobes; above 0 in each channel in which there is one.
@@ -176,6 +178,7 @@ class Bsdf {
   /// Of sampling each lobe.
   struct Probabilities {
     float diffuse = 0;
+    float transmitted = 0;  // diffuse, to the other side
     float facets = 0;
     float coat = 0;
     float sheen = 0;
@@ -203,6 +206,7 @@ class Bsdf {
   BsdfSample Transmission(const Fresnel& fresnel) const;
   BsdfSample SampleCoat(Vec2 u) const;
   BsdfSample SampleSheen(Vec2 u) const;
+  BsdfSample SampleBelow(Vec3 wi) const;
   BsdfSample SampleTowards(Vec3 wi_world) const;
 
   const AlbedoTable* table_;
@@ -210,6 +214,7 @@ class Bsdf {
   Vec3 geometric_;
   Vec3 wo_;  // in the shading frame; not set if the only lobe is diffuse
   Vec3 diffuse_albedo_ = {0, 0, 0};
+  Vec3 transmitted_albedo_ = {0, 0, 0};  // of the diffuse lobe on the other side
 
   Facets facets_;
   Dielectric dielectric_;

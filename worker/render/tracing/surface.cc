@@ -42,7 +42,7 @@ bool HasTextures(const scene::Material& material) {
 SurfaceReader::Kind KindOfMaterial(const scene::Material& m) {
   using Kind = SurfaceReader::Kind;
   if (m.transmission.factor > 0 || m.clearcoat.factor > 0 || MaxComponent(m.sheen.color) > 0 ||
-      m.anisotropy.strength > 0)
+      m.anisotropy.strength > 0 || m.diffuse_transmission.factor > 0)
     return Kind::kRare;
   return m.base.metallic > 0 || m.specular.factor > 0 ? Kind::kBase : Kind::kDiffuse;
 }
@@ -296,6 +296,12 @@ SurfaceMaterial SurfaceReader::Shade(const Surface& surface) const {
     out.transmission = m.transmission.factor * Data(m.transmission.texture, surface).x;
     out.thin = !m.volume.is_solid;
     out.inside = !surface.front;
+  }
+  if (m.diffuse_transmission.factor > 0) {
+    out.diffuse_transmission =
+        m.diffuse_transmission.factor * Data(m.diffuse_transmission.factor_texture, surface).w;
+    out.diffuse_transmission_color =
+        m.diffuse_transmission.color * Color(m.diffuse_transmission.color_texture, surface);
   }
   if (m.clearcoat.factor > 0 || MaxComponent(m.sheen.color) > 0) ShadeLayers(surface, &out);
   return out;

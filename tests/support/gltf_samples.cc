@@ -53,6 +53,8 @@ GltfFixture FurnishedDocument() {
                   {{"index", 0}, {"extensions", {{"KHR_texture_transform", {{"offset", {0.5, 0}}}}}}}}}},
                {"extensions",
                 {{"KHR_materials_ior", {{"ior", 1.3}}},
+                 {"KHR_materials_iridescence",
+                  {{"iridescenceFactor", 1}, {"iridescenceThicknessTexture", {{"index", 1}}}}},
                  {"KHR_materials_diffuse_transmission",
                   {{"diffuseTransmissionFactor", 0.5}, {"diffuseTransmissionColorTexture", {{"index", 0}}}}},
                  {"KHR_materials_anisotropy",

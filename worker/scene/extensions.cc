@@ -20,6 +20,7 @@ constexpr std::string_view kSupported[] = {
     "KHR_materials_diffuse_transmission",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_iridescence",
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_sheen",
     "KHR_materials_specular",
@@ -43,7 +44,6 @@ constexpr Loss kLosses[] = {
     {"EXT_lights_image_based", "its environment light is left out"},
     {"KHR_animation_pointer", "what it animates stands still"},
     {"KHR_materials_dispersion", "glass does not split colours"},
-    {"KHR_materials_iridescence", "thin-film colours are left out"},
 };
 
 bool IsSupported(std::string_view extension) {

@@ -95,7 +95,7 @@ Camera FittedCamera(const Scene& scene, float aspect) {
 
 }  // namespace
 
-std::array<TextureUse, 15> TexturesOf(const Material& material) {
+std::array<TextureUse, 17> TexturesOf(const Material& material) {
   return {{{&material.base.color_texture, true},
            {&material.base.metallic_roughness_texture, false},
            {&material.normal_map.texture, false},
@@ -110,7 +110,9 @@ std::array<TextureUse, 15> TexturesOf(const Material& material) {
            {&material.sheen.roughness_texture, false},
            {&material.anisotropy.texture, false},
            {&material.diffuse_transmission.factor_texture, false},
-           {&material.diffuse_transmission.color_texture, true}}};
+           {&material.diffuse_transmission.color_texture, true},
+           {&material.iridescence.factor_texture, false},
+           {&material.iridescence.thickness_texture, false}}};
 }
 
 Bounds WorldBounds(const Scene& scene) {

@@ -107,6 +107,15 @@ struct Material {
     Vec3 color = {1, 1, 1};     // in place of the base colour
     TextureRef color_texture;   // sRGB
   };
+  /// KHR_materials_iridescence: a film about as thin as a wavelength of light.
+  struct Iridescence {
+    float factor = 0;
+    TextureRef factor_texture;  // R
+    float ior = 1.3f;
+    float min_thickness_nm = 100;  // where the texture is 0
+    float max_thickness_nm = 400;
+    TextureRef thickness_texture;  // G
+  };
   /// KHR_materials_volume.
   struct Volume {
     bool is_solid = false;  // thickness > 0: refracts; else thin
@@ -129,6 +138,7 @@ struct Material {
   Sheen sheen;
   Anisotropy anisotropy;
   DiffuseTransmission diffuse_transmission;
+  Iridescence iridescence;
   Volume volume;
 };
 
@@ -139,7 +149,7 @@ struct TextureUse {
 };
 
 /// All of a material's references, including those that name no texture.
-std::array<TextureUse, 15> TexturesOf(const Material& material);
+std::array<TextureUse, 17> TexturesOf(const Material& material);
 
 /// Triangles of one material. Vectors other than positions and triangles are empty or as long as positions.
 struct Mesh {

@@ -42,6 +42,7 @@ Material RandomMaterial(Factors* next) {
   m.sheen.roughness = next->Next();
   m.anisotropy.strength = next->Next();
   m.diffuse_transmission.factor = next->Next();
+  m.iridescence.factor = next->Next();
   m.unlit = next->Next() * next->Next() * next->Next() == 1;
   return m;
 }

@@ -136,6 +136,32 @@ TEST(Surface, ReadsDiffuseTransmissionFromItsTextures) {
   ExpectNear(values.diffuse_transmission_color, {0.5f, 0, 0.25f});
 }
 
+TEST(Surface, ReadsFilmsFromTheirTextures) {
+  Scene scene = TriangleFrom(0);
+  auto& film = scene.materials[0].iridescence;
+  film.factor = 0.5f;
+  film.ior = 1.7f;
+  film.min_thickness_nm = 0;
+  film.max_thickness_nm = 500;
+  const auto read = [&scene] {
+    const TextureSampler textures(scene);
+    const SurfaceReader reader(scene, textures);
+    Ray ray;
+    ray.direction = {0, 0, -1};
+    return reader.Shade(reader.Read(HitOf(0, kWeights), ray));
+  };
+  EXPECT_EQ(read().film_thickness_nm, 500);
+  EXPECT_EQ(read().film_ior, 1.7f);
+  EXPECT_EQ(read().iridescence, 0.5f);
+  scene.images = {std::make_shared<const scene::ImageData>(scene::ImageData{1, 1, {204, 51, 0, 0}})};
+  scene.textures = {{.image = 0}};
+  film.factor_texture.texture = film.thickness_texture.texture = 0;
+  EXPECT_NEAR(read().film_thickness_nm, 100, 1e-3f);
+  EXPECT_NEAR(read().iridescence, 0.4f, 1e-6f);
+  scene.images = {std::make_shared<const scene::ImageData>(scene::ImageData{1, 1, {204, 0, 0, 0}})};
+  EXPECT_EQ(read().iridescence, 0) << "no thickness, no film";
+}
+
 TEST(Surface, OneCornersNormalMakesATriangleSmooth) {
   const Vec3 tilted = Normalize(Vec3{0.4f, 0.2f, 1});
   for (size_t first = 0; first < 3; ++first) {

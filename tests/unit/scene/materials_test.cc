@@ -328,6 +328,23 @@ TEST(Materials, ReadDiffuseTransmission) {
   EXPECT_EQ(m.diffuse_transmission.color_texture.uv_set, 1);
 }
 
+TEST(Materials, ReadIridescence) {
+  const Material m = MaterialOf({{"extensions",
+                                  {{"KHR_materials_iridescence",
+                                    {{"iridescenceFactor", 0.75},
+                                     {"iridescenceTexture", {{"index", 0}}},
+                                     {"iridescenceIor", 1.8},
+                                     {"iridescenceThicknessMinimum", 200},
+                                     {"iridescenceThicknessMaximum", 800},
+                                     {"iridescenceThicknessTexture", {{"index", 0}, {"texCoord", 1}}}}}}}});
+  EXPECT_EQ(m.iridescence.factor, 0.75f);
+  EXPECT_EQ(m.iridescence.factor_texture.texture, 0);
+  EXPECT_EQ(m.iridescence.ior, 1.8f);
+  EXPECT_EQ(m.iridescence.min_thickness_nm, 200);
+  EXPECT_EQ(m.iridescence.max_thickness_nm, 800);
+  EXPECT_EQ(m.iridescence.thickness_texture.uv_set, 1);
+}
+
 TEST(Materials, ReadTexturesOfExtensions) {
   const Material m = MaterialOf(
       {{"extensions",

@@ -18,7 +18,8 @@ constexpr float kMinDiffuseProbability = 0.05f;
 
 constexpr float kMinCosine = 1e-4f;
 
-/// Reflectance at normal incidence of the coat of KHR_materials_clearcoat, whose ior is 1.5.
+/// The coat of KHR_materials_clearcoat, and its reflectance at normal incidence.
+constexpr float kCoatIor = 1.5f;
 constexpr float kCoatF0 = 0.04f;
 
 float LuminanceOf(Vec3 c) { return Luminance(c.x, c.y, c.z); }
@@ -43,6 +44,12 @@ float NormalReflectance(float ior) {
   return r * r;
 }
 
+/// Reflectance at normal incidence of the dielectric layer; the specular factor not included.
+Vec3 DielectricF0(const SurfaceMaterial& material) {
+  const Vec3 f0 = material.specular_color * NormalReflectance(material.ior);
+  return {std::min(f0.x, 1.0f), std::min(f0.y, 1.0f), std::min(f0.z, 1.0f)};
+}
+
 Vec3 LocalOnUpperSide(const Frame& frame, Vec3 wo) {
   Vec3 local = frame.ToLocal(wo);
   local.z = std::max(local.z, kMinCosine);
@@ -57,7 +64,7 @@ float CoatFresnel(float coat, float cos_h) {
 
 bool SurfaceMaterial::IsBaseOnly() const {
   if (transmission > 0 || diffuse_transmission > 0 || clearcoat > 0 || MaxComponent(sheen_color) > 0 ||
-      LengthSquared(anisotropy) > 0)
+      LengthSquared(anisotropy) > 0 || iridescence > 0)
     return false;
   return roughness * roughness >= kDeltaAlpha || IsDiffuseOnly();
 }
@@ -77,9 +84,7 @@ BaseMaterial::BaseMaterial(const SurfaceMaterial& material, const AlbedoTable& t
       alpha(material.Alpha().Mean()),
       root_alpha(std::sqrt(alpha)),
       dielectric_f90(material.specular) {
-  const Vec3 normal = material.specular_color * NormalReflectance(material.ior);
-  const Vec3 dielectric =
-      Vec3{std::min(normal.x, 1.0f), std::min(normal.y, 1.0f), std::min(normal.z, 1.0f)} * material.specular;
+  const Vec3 dielectric = DielectricF0(material) * material.specular;
   dielectric_f0 = MaxComponent(dielectric);
   f0 = dielectric * base_weight + base_color * metallic;
   f90 = dielectric_f90 * base_weight + metallic;
@@ -143,25 +148,51 @@ void Bsdf::AddBase(const SurfaceMaterial& material) {
   if (dielectric_.f90 > 0) {
     dielectric_albedo = std::min(dielectric_.f0 * seen.scale + dielectric_.f90 * seen.bias, 1.0f);
   }
+  facets_.albedo = facets_.mirror ? SchlickFresnel(facets_.f0, facets_.f90, wo_.z)
+                                  : facets_.f0 * seen.scale + facets_.f90 * seen.bias;
+  if (material.iridescence > 0) dielectric_albedo = AddFilm(material, base, seen, dielectric_albedo);
   const float passed = base.base_weight * (1.0f - dielectric_albedo);
   diffuse_albedo_ = material.base_color * (passed * (1.0f - material.diffuse_transmission));
   transmitted_albedo_ = material.diffuse_transmission_color * (passed * material.diffuse_transmission);
-  facets_.albedo = facets_.mirror ? SchlickFresnel(facets_.f0, facets_.f90, wo_.z)
-                                  : facets_.f0 * seen.scale + facets_.f90 * seen.bias;
   if (base.metallic > 0 && !facets_.mirror) CompensateMetal(material, seen);
+}
+
+/// Adds the film to metal and dielectric layer, whose albedo without it is known. Returns the dielectric
+/// layer's albedo in the channel that it reflects most of. A film is seen at many angles at once; its albedo is
+/// taken as that at the angle for which Schlick's Fresnel would have its own albedo exactly.
+float Bsdf::AddFilm(const SurfaceMaterial& material, const BaseMaterial& base, DirectionalAlbedo seen,
+                    float dielectric_albedo) {
+  const float outside_ior = 1.0f + (kCoatIor - 1.0f) * material.clearcoat;
+  const auto film_on = [&](Vec3 f0) {
+    return ThinFilm(material.film_thickness_nm, material.film_ior, outside_ior, f0);
+  };
+  film_.weight = material.iridescence;
+  film_.on_dielectric = film_on(DielectricF0(material));
+  film_.on_metal = film_on(material.base_color);
+  film_.dielectric = base.dielectric_f90 * base.base_weight;
+  film_.metallic = base.metallic;
+  const float whole = facets_.mirror ? 1.0f : seen.scale + seen.bias;
+  film_.mean_cosine = facets_.mirror || whole <= 0 ? wo_.z : 1.0f - Pow(seen.bias / whole, 0.2f);
+  facets_.albedo = Lerp(facets_.albedo, film_.Reflectance(film_.mean_cosine) * whole, film_.weight);
+  if (dielectric_.f90 <= 0) return dielectric_albedo;
+  const float filmed =
+      MaxComponent(film_.on_dielectric.Reflectance(film_.mean_cosine)) * dielectric_.f90 * whole;
+  return dielectric_albedo + (filmed - dielectric_albedo) * film_.weight;
 }
 
 /// Scales metal's part of the albedo by 1 + F0 (1 - E) / E, with E the albedo at F0 = 1.
 void Bsdf::CompensateMetal(const SurfaceMaterial& material, DirectionalAlbedo seen) {
   constexpr float kMinAlbedo = 1e-20f;  // black metal, seen along its normal, has albedo 0
   const float whole = seen.scale + seen.bias;
-  const Vec3 b = material.base_color;
+  Vec3 b = material.base_color;
+  if (film_.weight > 0) b = Lerp(b, film_.on_metal.Reflectance(film_.mean_cosine), film_.weight);
   const Vec3 compensation = b * (b * seen.scale + Vec3{seen.bias, seen.bias, seen.bias}) *
                             (material.metallic * (1.0f - whole) / whole);
   const Vec3 single = facets_.albedo;
   const Vec3 gain = Vec3{1, 1, 1} + Vec3{compensation.x / std::max(single.x, kMinAlbedo),
                                          compensation.y / std::max(single.y, kMinAlbedo),
                                          compensation.z / std::max(single.z, kMinAlbedo)};
+  film_.scale *= gain;
   facets_.f0 *= gain;
   facets_.f90 *= gain;
   facets_.albedo *= gain;
@@ -171,6 +202,7 @@ void Bsdf::CompensateMetal(const SurfaceMaterial& material, DirectionalAlbedo se
 void Bsdf::ScaleMetalAndBase(float share) {
   diffuse_albedo_ *= share;
   transmitted_albedo_ *= share;
+  film_.scale *= share;
   facets_.f0 *= share;
   facets_.f90 *= share;
   facets_.albedo *= share;
@@ -235,16 +267,31 @@ Vec3 Bsdf::StraightTransmittance() const {
   return FresnelAt(wo_.z).transmitted;
 }
 
+/// Of both faces together if the glass is thin, with all reflections between them.
+Vec3 Bsdf::GlassReflectance(float cos_h, float* cos_t) const {
+  const float bare = DielectricFresnel(cos_h, glass_.eta, cos_t);
+  if (film_.weight <= 0) {
+    const float all = glass_.thin ? 2.0f * bare / (1.0f + bare) : bare;
+    return {all, all, all};
+  }
+  if (bare >= 1) return {1, 1, 1};
+  // The film is on the outside. By reciprocity it reflects light from within like the light that this becomes
+  // outside.
+  const float outside = glass_.eta < 1 ? *cos_t : cos_h;
+  const Vec3 front = Lerp({bare, bare, bare}, film_.on_dielectric.Reflectance(outside), film_.weight);
+  if (!glass_.thin) return front;
+  const auto both = [bare](float f) { return f + (1.0f - f) * (1.0f - f) * bare / (1.0f - f * bare); };
+  return {both(front.x), both(front.y), both(front.z)};
+}
+
 Bsdf::Fresnel Bsdf::FresnelAt(float cos_h) const {
   Fresnel fresnel;
   fresnel.reflected = SchlickFresnel(facets_.f0, facets_.f90, cos_h);
+  if (film_.weight > 0) fresnel.reflected = Lerp(fresnel.reflected, film_.Reflectance(cos_h), film_.weight);
   if (glass_.weight <= 0) return fresnel;
-  float reflectance = DielectricFresnel(cos_h, glass_.eta, &fresnel.cos_t);
-  if (glass_.thin)
-    reflectance = 2.0f * reflectance / (1.0f + reflectance);  // interreflection between both faces
-  const float reflected = glass_.weight * reflectance;
-  fresnel.reflected += {reflected, reflected, reflected};
-  fresnel.transmitted = glass_.tint * (glass_.weight * (1.0f - reflectance));
+  const Vec3 reflectance = GlassReflectance(cos_h, &fresnel.cos_t);
+  fresnel.reflected += glass_.weight * reflectance;
+  fresnel.transmitted = glass_.tint * (glass_.weight * (Vec3{1, 1, 1} - reflectance));
   const float r = LuminanceOf(fresnel.reflected);
   const float t = LuminanceOf(fresnel.transmitted);
   if (t > 0) fresnel.p_reflect = r / (r + t);
@@ -265,15 +312,9 @@ void Bsdf::EvaluateFacets(Vec3 wi, BsdfValue* value, float* pdf) const {
   const Vec3 h = Normalize(wi + wo_);
   const float cos_h = std::max(Dot(wo_, h), 1e-6f);
   const float lobe = GgxDensity(h, facets_.alpha) * GgxVisibility(wi, wo_, facets_.alpha) * wi.z;
-  float probability = p_.facets;
-  if (glass_.weight > 0) {
-    const Fresnel fresnel = FresnelAt(cos_h);
-    value->non_diffuse += fresnel.reflected * lobe;
-    probability *= fresnel.p_reflect;
-  } else {
-    value->non_diffuse += SchlickFresnel(facets_.f0, facets_.f90, cos_h) * lobe;
-  }
-  *pdf += probability * GgxVisibleDensity(wo_, h, facets_.alpha) / (4.0f * cos_h);
+  const Fresnel fresnel = FresnelAt(cos_h);
+  value->non_diffuse += fresnel.reflected * lobe;
+  *pdf += p_.facets * fresnel.p_reflect * GgxVisibleDensity(wo_, h, facets_.alpha) / (4.0f * cos_h);
 }
 
 /// `wi` lies below the surface.

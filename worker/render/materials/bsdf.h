@@ -2,6 +2,7 @@
 
 #include "worker/render/materials/albedo_table.h"
 #include "worker/render/materials/microfacet.h"
+#include "worker/render/materials/thin_film.h"
 #include "worker/render/sampling/frame.h"
 #include "worker/scene/scene.h"
 
@@ -15,7 +16,10 @@ struct SurfaceMaterial {
   float ior = 1.5f;
   float specular = 1;  // factor of KHR_materials_specular
   Vec3 specular_color = {1, 1, 1};
-  Vec3 anisotropy = {0, 0, 0};     // direction of the greater roughness, as long as it is strong
+  Vec3 anisotropy = {0, 0, 0};  // direction of the greater roughness, as long as it is strong
+  float iridescence = 0;        // weight of the film
+  float film_ior = 1.3f;
+  float film_thickness_nm = 0;
   float diffuse_transmission = 0;  // part of the diffuse base's light
   Vec3 diffuse_transmission_color = {1, 1, 1};
   float transmission = 0;
@@ -148,6 +152,23 @@ class Bsdf {
     Vec3 f90 = {0, 0, 0};
     Vec3 albedo = {0, 0, 0};  // approximate for glass
   };
+  /// A film on metal, dielectric layer and glass.
+  struct Film {
+    float weight = 0;  // 0: there is none
+    ThinFilm on_dielectric;
+    ThinFilm on_metal;
+    float dielectric = 0;    // factor of the reflectance of the dielectric layer,
+    float metallic = 0;      // and of metal's,
+    Vec3 scale = {1, 1, 1};  // and of both
+    float mean_cosine = 1;   // of the microfacets that reflect towards the viewer
+
+    Vec3 Reflectance(float cosine) const {
+      Vec3 sum = {0, 0, 0};
+      if (dielectric > 0) sum += on_dielectric.Reflectance(cosine) * dielectric;
+      if (metallic > 0) sum += on_metal.Reflectance(cosine) * metallic;
+      return sum * scale;
+    }
+  };
   /// The dielectric layer over the diffuse base.
   struct Dielectric {
     float f0 = 0;
@@ -187,11 +208,14 @@ class Bsdf {
   float AddCoat(const SurfaceMaterial& material, Vec3 wo);
   float AddSheen(const SurfaceMaterial& material, float share);
   void AddBase(const SurfaceMaterial& material);
+  float AddFilm(const SurfaceMaterial& material, const BaseMaterial& base, DirectionalAlbedo seen,
+                float dielectric_albedo);
   void CompensateMetal(const SurfaceMaterial& material, DirectionalAlbedo seen);
   void ScaleMetalAndBase(float share);
   void AddGlass(const SurfaceMaterial& material, float share);
   void ChooseProbabilities();
 
+  Vec3 GlassReflectance(float cos_h, float* cos_t) const;
   Fresnel FresnelAt(float cos_h) const;
   float DiffuseLobe(float cos_i) const;
   void EvaluateFacets(Vec3 wi, BsdfValue* value, float* pdf) const;
@@ -217,6 +241,7 @@ class Bsdf {
   Vec3 transmitted_albedo_ = {0, 0, 0};  // of the diffuse lobe on the other side
 
   Facets facets_;
+  Film film_;
   Dielectric dielectric_;
   Glass glass_;
   Coat coat_;

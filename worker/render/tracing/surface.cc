@@ -42,7 +42,7 @@ bool HasTextures(const scene::Material& material) {
 SurfaceReader::Kind KindOfMaterial(const scene::Material& m) {
   using Kind = SurfaceReader::Kind;
   if (m.transmission.factor > 0 || m.clearcoat.factor > 0 || MaxComponent(m.sheen.color) > 0 ||
-      m.anisotropy.strength > 0 || m.diffuse_transmission.factor > 0)
+      m.anisotropy.strength > 0 || m.diffuse_transmission.factor > 0 || m.iridescence.factor > 0)
     return Kind::kRare;
   return m.base.metallic > 0 || m.specular.factor > 0 ? Kind::kBase : Kind::kDiffuse;
 }
@@ -303,6 +303,7 @@ SurfaceMaterial SurfaceReader::Shade(const Surface& surface) const {
     out.diffuse_transmission_color =
         m.diffuse_transmission.color * Color(m.diffuse_transmission.color_texture, surface);
   }
+  if (m.iridescence.factor > 0) ShadeFilm(surface, &out);
   if (m.clearcoat.factor > 0 || MaxComponent(m.sheen.color) > 0) ShadeLayers(surface, &out);
   return out;
 }
@@ -316,6 +317,14 @@ void SurfaceReader::ShadeLayers(const Surface& surface, SurfaceMaterial* out) co
   }
   out->sheen_color = m.sheen.color * Color(m.sheen.color_texture, surface);
   out->sheen_roughness = m.sheen.roughness * Data(m.sheen.roughness_texture, surface).w;
+}
+
+void SurfaceReader::ShadeFilm(const Surface& surface, SurfaceMaterial* out) const {
+  const scene::Material::Iridescence& film = surface.material->iridescence;
+  out->film_ior = film.ior;
+  out->film_thickness_nm = film.min_thickness_nm + (film.max_thickness_nm - film.min_thickness_nm) *
+                                                       Data(film.thickness_texture, surface).y;
+  if (out->film_thickness_nm > 0) out->iridescence = film.factor * Data(film.factor_texture, surface).x;
 }
 
 Vec3 SurfaceReader::EmittedBy(const Surface& surface) const {

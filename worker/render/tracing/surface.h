@@ -107,6 +107,7 @@ class SurfaceReader {
                     const Surface& surface, Vec3 normal) const;
   Vec3 CoatNormal(const InstanceData& instance, const Hit& hit, const Surface& surface, Vec3 unmapped,
                   const Ray& ray) const;
+  void ShadeFilm(const Surface& surface, SurfaceMaterial* out) const;
   void ShadeLayers(const Surface& surface, SurfaceMaterial* out) const;
 
   const TextureSampler* textures_;

@@ -10,16 +10,29 @@ namespace lumifold::scene {
 namespace {
 
 constexpr std::string_view kSupported[] = {
-    "EXT_mesh_gpu_instancing",    "EXT_meshopt_compression",
-    "EXT_texture_webp",           "KHR_animation_pointer",
-    "KHR_draco_mesh_compression", "KHR_lights_punctual",
-    "KHR_materials_clearcoat",    "KHR_materials_emissive_strength",
-    "KHR_materials_ior",          "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_sheen",        "KHR_materials_specular",
-    "KHR_materials_transmission", "KHR_materials_unlit",
-    "KHR_materials_variants",     "KHR_materials_volume",
-    "KHR_mesh_quantization",      "KHR_meshopt_compression",
-    "KHR_node_visibility",        "KHR_texture_basisu",
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "EXT_texture_webp",
+    "KHR_animation_pointer",
+    "KHR_draco_mesh_compression",
+    "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
+    "KHR_materials_clearcoat",
+    "KHR_materials_diffuse_transmission",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_iridescence",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_variants",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    "KHR_node_visibility",
+    "KHR_texture_basisu",
     "KHR_texture_transform",
 };
 
@@ -30,10 +43,7 @@ struct Loss {
 
 constexpr Loss kLosses[] = {
     {"EXT_lights_image_based", "its environment light is left out"},
-    {"KHR_materials_anisotropy", "highlights are round"},
-    {"KHR_materials_diffuse_transmission", "light shining through thin diffuse surfaces is left out"},
     {"KHR_materials_dispersion", "glass does not split colours"},
-    {"KHR_materials_iridescence", "thin-film colours are left out"},
 };
 
 bool IsSupported(std::string_view extension) {

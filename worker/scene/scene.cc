@@ -95,7 +95,7 @@ Camera FittedCamera(const Scene& scene, float aspect) {
 
 }  // namespace
 
-std::array<TextureUse, 12> TexturesOf(const Material& material) {
+std::array<TextureUse, 17> TexturesOf(const Material& material) {
   return {{{&material.base.color_texture, true},
            {&material.base.metallic_roughness_texture, false},
            {&material.normal_map.texture, false},
@@ -107,7 +107,12 @@ std::array<TextureUse, 12> TexturesOf(const Material& material) {
            {&material.clearcoat.roughness_texture, false},
            {&material.clearcoat.normal_map.texture, false},
            {&material.sheen.color_texture, true},
-           {&material.sheen.roughness_texture, false}}};
+           {&material.sheen.roughness_texture, false},
+           {&material.anisotropy.texture, false},
+           {&material.diffuse_transmission.factor_texture, false},
+           {&material.diffuse_transmission.color_texture, true},
+           {&material.iridescence.factor_texture, false},
+           {&material.iridescence.thickness_texture, false}}};
 }
 
 Bounds WorldBounds(const Scene& scene) {

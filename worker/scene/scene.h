@@ -106,6 +106,28 @@ struct Material {
     float roughness = 0;           // perceptual: sheen alpha = roughness^2
     TextureRef roughness_texture;  // A
   };
+  /// KHR_materials_anisotropy: one direction of the base's microfacets is rougher.
+  struct Anisotropy {
+    float strength = 0;
+    Vec2 direction = {1, 0};  // of the greater roughness, along tangent and bitangent; turns the texture's
+    TextureRef texture;       // R and G direction, B strength
+  };
+  /// KHR_materials_diffuse_transmission: the part of the diffuse base's light that leaves on the other side.
+  struct DiffuseTransmission {
+    float factor = 0;
+    TextureRef factor_texture;  // A
+    Vec3 color = {1, 1, 1};     // in place of the base colour
+    TextureRef color_texture;   // sRGB
+  };
+  /// KHR_materials_iridescence: a film about as thin as a wavelength of light.
+  struct Iridescence {
+    float factor = 0;
+    TextureRef factor_texture;  // R
+    float ior = 1.3f;
+    float min_thickness_nm = 100;  // where the texture is 0
+    float max_thickness_nm = 400;
+    TextureRef thickness_texture;  // G
+  };
   /// KHR_materials_volume.
   struct Volume {
     bool is_solid = false;  // thickness > 0: refracts; else thin
@@ -126,6 +148,9 @@ struct Material {
   Transmission transmission;
   Clearcoat clearcoat;
   Sheen sheen;
+  Anisotropy anisotropy;
+  DiffuseTransmission diffuse_transmission;
+  Iridescence iridescence;
   Volume volume;
 };
 
@@ -136,7 +161,7 @@ struct TextureUse {
 };
 
 /// All of a material's references, including those that name no texture.
-std::array<TextureUse, 12> TexturesOf(const Material& material);
+std::array<TextureUse, 17> TexturesOf(const Material& material);
 
 /// Triangles of one material. Vectors other than positions and triangles are empty or as long as positions.
 struct Mesh {

@@ -58,6 +58,9 @@ Material RandomMaterial(Factors* next, scene::Scene* scene) {
   m.clearcoat.roughness = next->Next();
   m.sheen.color = Vec3{1, 1, 1} * (next->Next() > 0.5f ? 1.0f : 0.0f);
   m.sheen.roughness = next->Next();
+  m.anisotropy.strength = next->Next();
+  m.diffuse_transmission.factor = next->Next();
+  m.iridescence.factor = next->Next();
   m.unlit = next->Next() * next->Next() * next->Next() == 1;
   return m;
 }
@@ -65,7 +68,8 @@ Material RandomMaterial(Factors* next, scene::Scene* scene) {
 // The renderer relies on LobesOf(): a lobe that a BSDF has must be in the set.
 TEST(Lobes, NoLobeOfABsdfIsMissing) {
   Factors next;
-  const AlbedoTable table(AlbedoTable::Contents{.sheen = true, .glass_iors = {1.0f, 1.5f}});
+  const AlbedoTable table(
+      AlbedoTable::Contents{.anisotropic = true, .sheen = true, .glass_iors = {1.0f, 1.5f}});
   for (int i = 0; i < 400; ++i) {
     scene::Scene scene;
     scene.materials = {RandomMaterial(&next, &scene)};
@@ -80,6 +84,7 @@ TEST(Lobes, NoLobeOfABsdfIsMissing) {
         surface.material = &material;
         surface.front = front;
         surface.coat_normal = {0, 0, 1};
+        surface.anisotropy = Vec3{0.6f, 0.8f, 0} * material.anisotropy.strength;
         const SurfaceMaterial values = reader.Shade(surface);
         const Bsdf bsdf(values, table, {0, 0, 1}, {0, 0, 1}, {std::sqrt(1.0f - cosine * cosine), 0, cosine});
         EXPECT_LE(bsdf.HasDiffuse(), lobes.diffuse) << i;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 #include <tuple>
 #include <utility>
 
@@ -30,6 +31,7 @@ struct StoredJob {
   std::string request;
   JobRecord record;
   std::map<int32_t, Frame> frames;
+  std::set<std::string> deliverers;
 };
 
 }  // namespace
@@ -185,6 +187,12 @@ class MemoryJobStore final : public JobStore {
     return frames;
   }
 
+  absl::StatusOr<std::vector<std::string>> DeliverersOf(const JobId& id) override {
+    const StoredJob* job = Find(id);
+    if (job == nullptr) return Unknown(id);
+    return std::vector<std::string>(job->deliverers.begin(), job->deliverers.end());
+  }
+
   absl::Status EndJob(const OwnedJob& owned, v1::JobState state, const std::string& error) override {
     StoredJob* job = Find(owned.job);
     if (job == nullptr) return Unknown(owned.job);
@@ -334,7 +342,10 @@ class MemoryJobStore final : public JobStore {
       if (is_finished || known != nullptr || !units.emplace(unit.unit.key, unit).second)
         return absl::AlreadyExistsError(Describe(unit.unit));
     }
-    for (const auto& [key, unit] : units) job->frames[key.frame].units.emplace(key, unit);
+    for (const auto& [key, unit] : units) {
+      if (!unit.worker.empty()) job->deliverers.insert(unit.worker);
+      job->frames[key.frame].units.emplace(key, unit);
+    }
     Count(job);
     if (job->record.numeric_class.empty()) {
       job->record.numeric_class = commit.numeric_class;

@@ -69,6 +69,8 @@ void Farm::EnterJob(const LoadedJob& loaded) {
   }
   for (const scheduler::RestoredUnit& unit : loaded.units)
     scheduler.units().Restore(id, unit, resources_->options.now());
+  for (const std::string& name : loaded.deliverers)
+    scheduler.workers().AddWitness(PartyOf(name, /*is_certified=*/!resources_->options.insecure));
   for (const int32_t frame : scheduler.frames().Committed(id)) QueueDue({id, frame});
   for (const auto& [frame, rounds] : loaded.rounds) QueueDue({id, frame});
   const scheduler::JobProgress progress = scheduler.jobs().Progress(id);

@@ -79,7 +79,7 @@ Renderer::Renderer(std::shared_ptr<const scene::Scene> scene, std::unique_ptr<Em
       tracer_(*scene_, *embree_, settings.environment, settings.max_bounces, settings.mips, settings.plan),
       warnings_(scene_->warnings) {
   if (!tracer_.HasLights() && !ShowsUnlit(*scene_))
-    warnings_.push_back("the scene has no light: the picture is black");
+    warnings_.emplace_back("the scene has no light: the picture is black");
   if (settings.environment != nullptr && settings.environment->bad_texels() > 0) {
     warnings_.push_back(
         absl::StrCat(settings.environment->bad_texels(),

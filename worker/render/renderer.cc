@@ -91,7 +91,7 @@ Renderer::Renderer(std::shared_ptr<const scene::Scene> scene, std::unique_ptr<Em
       warnings_(scene_->warnings) {
   if (HasAbsorbingSolid(*scene_) && camera_.Viewpoint().has_value()) tracer_.SetCamera(*camera_.Viewpoint());
   if (!tracer_.HasLights() && !ShowsUnlit(*scene_))
-    warnings_.push_back("the scene has no light: the picture is black");
+    warnings_.emplace_back("the scene has no light: the picture is black");
   if (settings.environment != nullptr && settings.environment->bad_texels() > 0) {
     warnings_.push_back(
         absl::StrCat(settings.environment->bad_texels(),

@@ -29,8 +29,6 @@
 namespace lumifold::client {
 namespace {
 
-constexpr int kMaxThreads = 4096;
-
 struct FilterOptions {
   std::string picture;
   std::string half_b;

@@ -20,8 +20,6 @@
 namespace lumifold::client {
 namespace {
 
-constexpr int kMaxThreads = 4096;
-
 /// The stages as they are on one machine, where nothing is sent.
 class LocalStages final : public Progress {
  public:

@@ -17,6 +17,9 @@
 
 namespace lumifold::client {
 
+/// What --threads may be.
+constexpr int kMaxThreads = 4096;
+
 /// Options of every command that connects to a coordinator.
 struct RemoteOptions {
   explicit RemoteOptions(const Environment& environment)

@@ -43,7 +43,7 @@ endfunction()
 
 function(lumifold_merge_sources target)
   if(LUMIFOLD_MERGE)
-    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 16)
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 32)
   endif()
 endfunction()
 

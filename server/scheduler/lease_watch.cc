@@ -16,7 +16,7 @@ using job::WorkerId;
 namespace {
 
 /// Names of lost workers in an error.
-constexpr size_t kMaxNames = 4;
+constexpr size_t kMaxNamedWorkers = 4;
 
 const Attempt kFirstAttempt(std::numeric_limits<int64_t>::min());
 
@@ -153,7 +153,7 @@ void LeaseWatch::CountLoss(const Lease& lease) {
   const Quarantine::Losses losses = state_->quarantine.LossesOf(lease.unit);
   std::vector<std::string> names;
   for (auto it = losses.begin(); it != losses.end(); it = losses.upper_bound(*it)) names.push_back(*it);
-  if (names.size() > kMaxNames) names.resize(kMaxNames);
+  if (names.size() > kMaxNamedWorkers) names.resize(kMaxNamedWorkers);
   const std::string error =
       absl::StrCat(Describe(state_->jobs.RefOf(lease.unit)), ": workers were lost with it ", losses.size(),
                    " times, the last one while it rendered nothing else: ", absl::StrJoin(names, ", "));

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "tests/support/shuffling_pool.h"
+#include "tests/unit/filter/are_equal.h"
 #include "tests/unit/filter/edge_films.h"
 #include "tests/unit/filter/is_finite.h"
 
@@ -20,15 +21,6 @@ Picture Paper(const LayeredImage& film, const LayeredImage* edges = nullptr, Tas
   auto picture = FilterFilm(film, "paper:" + parameters, pool, edges);
   EXPECT_TRUE(picture.ok()) << picture.status();
   return *std::move(picture);
-}
-
-bool AreEqual(const Picture& a, const Picture& b) {
-  for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < a[c].height(); ++y) {
-      if (!std::equal(a[c].Row(y), a[c].Row(y) + a[c].width(), b[c].Row(y))) return false;
-    }
-  }
-  return true;
 }
 
 /// A chequer of single pixels.

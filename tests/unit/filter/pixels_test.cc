@@ -21,9 +21,9 @@ namespace {
 
 constexpr int kPinnedWidth = 72;
 constexpr int kPinnedHeight = 56;
-constexpr int kPinnedEdgeColumn = 30;           // one surface ends within it
-constexpr Rect kMirrorRect = {44, 20, 66, 44};  // shows a level
-constexpr float kHalfSamples = 3;               // of each half
+constexpr int kPinnedEdgeColumn = 30;             // one surface ends within it
+constexpr Rect kPinnedMirror = {44, 20, 66, 44};  // shows a level
+constexpr float kHalfSamples = 3;                 // of each half
 
 /// A number in [0, 1), fixed for each key.
 float Uniform(uint64_t key) { return static_cast<float>(MixBits(key) >> 40) * 0x1p-24f; }
@@ -99,7 +99,7 @@ EdgedImage PinnedFilm() {
   ForEachPixel(kPinnedWidth, kPinnedHeight, [&](int x, int y) {
     LayeredImage* pixels = &film.pixels;
     const bool is_right = x > kPinnedEdgeColumn || (x == kPinnedEdgeColumn && y % 2 == 0);
-    const bool is_mirror = kMirrorRect.Contains(x, y);
+    const bool is_mirror = kPinnedMirror.Contains(x, y);
     const float albedo = is_mirror ? 0.0f : ((x / 9 + y / 9) % 2 == 0 ? 0.75f : 0.25f);
     const float shade = (y < 24 ? 1.0f : 0.25f) * (is_right ? 1.0f : 0.5f);
     SetGraded(pixels->GetColor(layers::kAlbedo), x, y, albedo);

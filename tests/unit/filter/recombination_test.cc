@@ -12,7 +12,7 @@ namespace lumifold::filter {
 namespace {
 
 constexpr int kPixels = 4;
-constexpr std::array<std::array<float, 2>, kPixels> kSamples = {{{3, 1}, {1, 3}, {2, 0}, {0, 2}}};
+constexpr std::array<std::array<float, 2>, kPixels> kSamplesOfHalves = {{{3, 1}, {1, 3}, {2, 0}, {0, 2}}};
 /// nA / n, and nA nB / n^2, of these pixels.
 constexpr std::array<float, kPixels> kShareOfA = {0.75f, 0.25f, 1, 0};
 constexpr std::array<float, kPixels> kVarianceFactor = {0.1875f, 0.1875f, 0, 0};
@@ -26,8 +26,8 @@ LayeredImage UnequalFilm() {
   film.Add(layers::kSamplesA);
   film.Add(layers::kSamplesB);
   for (int x = 0; x < kPixels; ++x) {
-    film.Get(layers::kSamplesA).At(x, 0) = kSamples[static_cast<size_t>(x)][0];
-    film.Get(layers::kSamplesB).At(x, 0) = kSamples[static_cast<size_t>(x)][1];
+    film.Get(layers::kSamplesA).At(x, 0) = kSamplesOfHalves[static_cast<size_t>(x)][0];
+    film.Get(layers::kSamplesB).At(x, 0) = kSamplesOfHalves[static_cast<size_t>(x)][1];
     for (size_t c = 0; c < 3; ++c) {
       film.GetColor(layers::kNoisy)[c].At(x, 0) = 10;
       film.GetColor(layers::HalfA(layers::kNoisy))[c].At(x, 0) = 1;

@@ -16,7 +16,7 @@
 namespace lumifold::filter {
 namespace {
 
-constexpr float kKnee = 0.2f;
+constexpr float kMixedKnee = 0.2f;
 
 /// The truth on both sides, `at_edge` between them.
 std::array<Plane, 3> PictureWithEdge(float at_edge) {
@@ -63,8 +63,8 @@ Picture MeanAfter(const FrameChange& change, const Frame& frame) {
 
 /// F + the fit of C - F, and the fit of C.
 std::array<Picture, 2> FitsOf(const Frame& frame, const Picture& picture) {
-  const std::vector<FrameChange> fits =
-      FitMixedPixels(frame, MixedPixelsOf(frame, 0.5f), ChangeTo(picture, frame), {}, kKnee, {}, nullptr);
+  const std::vector<FrameChange> fits = FitMixedPixels(frame, MixedPixelsOf(frame, 0.5f),
+                                                       ChangeTo(picture, frame), {}, kMixedKnee, {}, nullptr);
   EXPECT_EQ(fits.size(), 2u);
   return {MeanAfter(fits[0], frame), MeanAfter(fits[1], frame)};
 }
@@ -73,7 +73,7 @@ std::array<Picture, 2> FitsOf(const Frame& frame, const Picture& picture) {
 void Regress(const Frame& frame, Picture* picture) {
   const Plane mixed = MixedPixelsOf(frame, 0.5f);
   FrameChange change = ChangeTo(*picture, frame);
-  ChooseChange(frame, mixed, FitMixedPixels(frame, mixed, change, {}, kKnee, {}, nullptr), {}, nullptr,
+  ChooseChange(frame, mixed, FitMixedPixels(frame, mixed, change, {}, kMixedKnee, {}, nullptr), {}, nullptr,
                &change);
   *picture = MeanAfter(change, frame);
 }
@@ -214,7 +214,7 @@ TEST(EdgeRegression, DoesNothingWithoutASecondHalf) {
   const Frame frame(film, &edges);
   const FrameChange change = ChangeTo(PictureWithEdge(1.4f), frame);
   for (const FrameChange& fit :
-       FitMixedPixels(frame, MixedPixelsOf(frame, 0.5f), change, {}, kKnee, {}, nullptr)) {
+       FitMixedPixels(frame, MixedPixelsOf(frame, 0.5f), change, {}, kMixedKnee, {}, nullptr)) {
     for (int y = 0; y < kHeight; ++y)
       EXPECT_EQ(fit[0][0].At(kEdgeColumn, y), change[0][0].At(kEdgeColumn, y));
   }

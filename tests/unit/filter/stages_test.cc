@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "are_equal.h"
 #include "filter/denoise/denoise.h"
 #include "filter/image/layers.h"
 #include "filter/methods.h"
@@ -18,20 +19,11 @@ namespace lumifold::filter {
 namespace {
 
 /// The synthetic film with one firefly.
-LayeredImage Film() {
+LayeredImage StagesFilm() {
   LayeredImage film = MakeSyntheticFilm(72, 48, 0.4f, 5).film;
   for (const char* channel : {"direct.R", "noisy.R"}) film.Get(channel).At(30, 30) += 40;
   for (const char* channel : {"direct_a.R", "noisy_a.R"}) film.Get(channel).At(30, 30) += 80;
   return film;
-}
-
-bool AreEqual(const Picture& a, const Picture& b) {
-  for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < a[c].height(); ++y) {
-      if (!std::equal(a[c].Row(y), a[c].Row(y) + a[c].width(), b[c].Row(y))) return false;
-    }
-  }
-  return true;
 }
 
 Picture Without(const LayeredImage& film, const SwitchedOff& off) {
@@ -39,12 +31,12 @@ Picture Without(const LayeredImage& film, const SwitchedOff& off) {
 }
 
 TEST(Stages, AreTheDefaultMethod) {
-  const LayeredImage film = Film();
+  const LayeredImage film = StagesFilm();
   EXPECT_TRUE(AreEqual(Denoise(Frame(film), nullptr), *FilterFilm(film, "default", nullptr)));
 }
 
 TEST(TunedConstants, ThatGuideEveryLayerChangeThePicture) {
-  const LayeredImage film = Film();
+  const LayeredImage film = StagesFilm();
   const Picture whole = Denoise(Frame(film), nullptr);
   for (const TunedConstant& constant : TunedConstants()) {
     const bool is_of_special_pixels = constant.name.starts_with("single-") ||
@@ -103,7 +95,7 @@ TEST(Stages, AreListedInTheDocumentsAsTheyAre) {
 }
 
 TEST(Stages, ChangeThePictureWhereTheyAreOff) {
-  const LayeredImage film = Film();
+  const LayeredImage film = StagesFilm();
   const Picture whole = Denoise(Frame(film), nullptr);
   for (const char* name :
        {"patches", "normals", "depth", "first-order", "fireflies", "firefly-energy", "first-filtering",
@@ -115,7 +107,7 @@ TEST(Stages, ChangeThePictureWhereTheyAreOff) {
 }
 
 TEST(Stages, WithoutAnyOfThemThePictureIsC) {
-  const LayeredImage film = Film();
+  const LayeredImage film = StagesFilm();
   SwitchedOff off;
   for (const StageInfo& stage : Stages()) {
     if (!stage.is_required) off.emplace_back(stage.name);
@@ -136,7 +128,7 @@ TEST(Stages, RefuseNamesThatCannotBeSwitchedOff) {
 }
 
 TEST(Stages, AreWatchedInTheirOrder) {
-  const LayeredImage film = Film();
+  const LayeredImage film = StagesFilm();
   std::vector<std::string> ended;
   const StageWatch watch = [&](std::string_view stage) { ended.emplace_back(stage); };
   EXPECT_TRUE(

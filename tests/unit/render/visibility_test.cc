@@ -155,7 +155,7 @@ TEST(Alpha, HalfTransparentLightsAgreeBySampleAndByHit) {
   EXPECT_NEAR(floor.Mean(LightStrategy::kLightSamples, 64), 0.4 * opaque, 0.02 * opaque);
 }
 
-Material Pane() {
+Material ClearPane() {
   Material pane;
   pane.base.color = {0.9f, 0.9f, 0.9f};
   pane.base.metallic = 0;
@@ -166,7 +166,7 @@ Material Pane() {
 }
 
 TEST(ThinGlass, TransmitsLightSamplesAndHitsEqually) {
-  Floor floor(testing::Emitter({4, 4, 4}), Pane());
+  Floor floor(testing::Emitter({4, 4, 4}), ClearPane());
   const double open = floor.Mean(LightStrategy::kLightSamples, 64);
   testing::Place(&floor.scene, Layer(1.5f, 3, 2));
   floor.ExpectStrategiesAgree();
@@ -174,12 +174,12 @@ TEST(ThinGlass, TransmitsLightSamplesAndHitsEqually) {
 }
 
 TEST(ThinGlass, AttenuatesDirectionalLightByItsTransmittance) {
-  const double free = SunThrough(Pane(), {}, 0);
+  const double free = SunThrough(ClearPane(), {}, 0);
   // At normal incidence each face of ior 1.5 reflects 4 %; both together reflect 2 F / (1 + F).
   const double transmittance = 0.9 * (1 - 2 * 0.04 / 1.04);
-  EXPECT_NEAR(SunThrough(Pane(), {}, 1), transmittance * free, 1e-4);
-  EXPECT_NEAR(SunThrough(Pane(), {}, 2), transmittance * transmittance * free, 1e-4);
-  Material rough = Pane();
+  EXPECT_NEAR(SunThrough(ClearPane(), {}, 1), transmittance * free, 1e-4);
+  EXPECT_NEAR(SunThrough(ClearPane(), {}, 2), transmittance * transmittance * free, 1e-4);
+  Material rough = ClearPane();
   rough.base.roughness = 0.5f;
   EXPECT_EQ(SunThrough(rough, {}, 1), 0);
 }

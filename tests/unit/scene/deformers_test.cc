@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/gltf_samples.h"
+#include "tests/unit/scene/expect_near.h"
 #include "tests/unit/scene/load.h"
 
 namespace lumifold::scene {
@@ -13,12 +14,6 @@ using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::StartsWith;
-
-void ExpectNear(Vec3 actual, Vec3 expected) {
-  EXPECT_NEAR(actual.x, expected.x, 1e-6);
-  EXPECT_NEAR(actual.y, expected.y, 1e-6);
-  EXPECT_NEAR(actual.z, expected.z, 1e-6);
-}
 
 TEST(Skins, InBindPoseIgnoreTheNodesTransform) {
   const Scene scene = At(0, SkinnedDocument());

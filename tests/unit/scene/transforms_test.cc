@@ -5,14 +5,10 @@
 
 #include <cmath>
 
+#include "tests/unit/scene/expect_near.h"
+
 namespace lumifold::scene {
 namespace {
-
-void ExpectNear(Vec3 actual, Vec3 expected) {
-  EXPECT_NEAR(actual.x, expected.x, 1e-6);
-  EXPECT_NEAR(actual.y, expected.y, 1e-6);
-  EXPECT_NEAR(actual.z, expected.z, 1e-6);
-}
 
 TEST(Transforms, ScaleThenRotateThenTranslate) {
   const float half = std::sqrt(0.5f);

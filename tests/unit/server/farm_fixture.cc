@@ -15,7 +15,7 @@ namespace {
 
 constexpr absl::Duration kDeadline = absl::Minutes(10);
 
-std::unique_ptr<v1::FarmService::Stub> Stub(const std::shared_ptr<grpc::Channel>& channel) {
+std::unique_ptr<v1::FarmService::Stub> NewStub(const std::shared_ptr<grpc::Channel>& channel) {
   return v1::FarmService::NewStub(channel);
 }
 
@@ -79,7 +79,7 @@ v1::JobSpec FarmFixture::Spec() {
 }
 
 grpc::Status FarmFixture::Upload(const v1::AssetRef& asset, const std::string& content, size_t piece_bytes) {
-  const auto stub = Stub(Channel());
+  const auto stub = NewStub(Channel());
   grpc::ClientContext context;
   SetDeadline(&context);
   v1::UploadAssetResponse response;
@@ -106,7 +106,8 @@ absl::StatusOr<std::string> FarmFixture::Submit(const v1::JobSpec& spec, const s
   *request.mutable_spec() = spec;
   request.set_request_id(request_id);
   v1::SubmitJobResponse response;
-  const absl::Status status = rpc::StatusFromGrpc(Stub(Channel())->SubmitJob(&context, request, &response));
+  const absl::Status status =
+      rpc::StatusFromGrpc(NewStub(Channel())->SubmitJob(&context, request, &response));
   if (!status.ok()) return status;
   return response.job_id();
 }
@@ -117,14 +118,14 @@ absl::StatusOr<v1::JobStatus> FarmFixture::Get(const std::string& job_id) {
   v1::GetJobRequest request;
   request.set_job_id(job_id);
   v1::JobStatus response;
-  const absl::Status status = rpc::StatusFromGrpc(Stub(Channel())->GetJob(&context, request, &response));
+  const absl::Status status = rpc::StatusFromGrpc(NewStub(Channel())->GetJob(&context, request, &response));
   if (!status.ok()) return status;
   return response;
 }
 
 v1::JobStatus FarmFixture::WaitUntil(const std::string& job_id,
                                      const std::function<bool(const v1::JobStatus&)>& condition) {
-  const auto stub = Stub(Channel());
+  const auto stub = NewStub(Channel());
   grpc::ClientContext context;
   SetDeadline(&context);
   v1::WatchJobRequest request;
@@ -154,7 +155,7 @@ void FarmFixture::WaitFor(const std::function<bool()>& condition) {
 }
 
 absl::StatusOr<std::string> FarmFixture::Download(const std::string& job_id, int32_t frame, uint64_t offset) {
-  const auto stub = Stub(Channel());
+  const auto stub = NewStub(Channel());
   grpc::ClientContext context;
   SetDeadline(&context);
   v1::DownloadResultRequest request;

@@ -10,8 +10,8 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::SizeIs;
 
-constexpr int kTiles = 4;
-constexpr size_t kUnits = 2 * kTiles;
+constexpr int kTilesOfFrame = 4;
+constexpr size_t kUnitsOfJob = 2 * kTilesOfFrame;
 
 class ReconnectionTest : public CoordinatorFixture {
  protected:
@@ -22,14 +22,14 @@ class ReconnectionTest : public CoordinatorFixture {
 
 TEST_F(ReconnectionTest, AConnectionWhoseEndIsNotNoticedGetsAndHoldsNothingMore) {
   ASSERT_TRUE(Start().ok());
-  const job::JobId job = Submit(Spec(kTiles));
+  const job::JobId job = Submit(Spec(kTilesOfFrame));
   auto lost = Connect(2);
   auto worker = Connect(2);
   EXPECT_EQ(worker->leased(), lost->leased());
   EXPECT_EQ(lost->Deliver(), 2);  // too late
   EXPECT_THAT(lost->leased(), SizeIs(2));
-  EXPECT_EQ(Finish(job, worker.get()).units_done(), static_cast<int64_t>(kUnits));
-  EXPECT_THAT(worker->leased(), SizeIs(kUnits));
+  EXPECT_EQ(Finish(job, worker.get()).units_done(), static_cast<int64_t>(kUnitsOfJob));
+  EXPECT_THAT(worker->leased(), SizeIs(kUnitsOfJob));
   lost.reset();
   worker.reset();
   Stop();
@@ -38,13 +38,13 @@ TEST_F(ReconnectionTest, AConnectionWhoseEndIsNotNoticedGetsAndHoldsNothingMore)
 
 TEST_F(ReconnectionTest, AUnitThatWasDeliveredIsNotLeasedAgainThoughItsWorkerDoesNotKnow) {
   ASSERT_TRUE(Start().ok());
-  const job::JobId job = Submit(Spec(kTiles));
+  const job::JobId job = Submit(Spec(kTilesOfFrame));
   auto lost = Connect(2);
   const job::UnitRef delivered = lost->next();
   ASSERT_EQ(lost->Deliver(1), 1);  // it may be committed by now, or soon
   const auto worker = Connect(2);
-  EXPECT_EQ(Finish(job, worker.get()).units_done(), static_cast<int64_t>(kUnits));
-  EXPECT_THAT(worker->leased(), SizeIs(kUnits - 1));
+  EXPECT_EQ(Finish(job, worker.get()).units_done(), static_cast<int64_t>(kUnitsOfJob));
+  EXPECT_THAT(worker->leased(), SizeIs(kUnitsOfJob - 1));
   EXPECT_FALSE(worker->leased().contains(delivered));
 }
 
@@ -61,7 +61,7 @@ TEST_F(ReconnectionTest, ConnectionsThatBreakAgainAndAgainAreNobodysFault) {
 
 TEST_F(ReconnectionTest, MovesThoseThatAreBestSpared) {
   ASSERT_TRUE(Start().ok());
-  const job::JobId job = Submit(Spec(kTiles));
+  const job::JobId job = Submit(Spec(kTilesOfFrame));
   const auto busiest = Connect(5, 1);
   const auto busy = Connect(3, 2);
   const auto idle = Connect(2, 3);
@@ -72,7 +72,7 @@ TEST_F(ReconnectionTest, MovesThoseThatAreBestSpared) {
   EXPECT_EQ(busiest->move_address(), "");
   coordinator_->member().MoveWorkers({.workers = 0, .address = "c:7700"});
   EXPECT_EQ(idle->move_address(), "b:7700");
-  Submit(Spec(kTiles), "another");
+  Submit(Spec(kTilesOfFrame), "another");
   EXPECT_EQ(idle->leases(), 0) << "it gets no more";
   busy->Deliver();
   EXPECT_EQ(busy->leases(), 0);

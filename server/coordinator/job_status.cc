@@ -33,6 +33,8 @@ v1::JobSpec SettingsOf(const v1::JobSpec& spec) {
   settings.set_animation(spec.animation());
   settings.set_variant(spec.variant());
   settings.set_keep_dark(spec.keep_dark());
+  settings.set_background(spec.background());
+  settings.set_ground(spec.ground());
   *settings.mutable_planning() = spec.planning();
   return settings;
 }

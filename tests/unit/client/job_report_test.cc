@@ -121,6 +121,8 @@ TEST(JobReport, SaysWithWhichOptionsAJobWasSubmitted) {
   settings.mutable_environment()->set_uri("environment:sky.exr");
   settings.mutable_environment()->set_scale(0.1f);
   settings.mutable_lens()->set_f_stop(2.8f);
+  settings.set_background(v1::BACKGROUND_TRANSPARENT);
+  settings.set_ground(v1::GROUND_SHADOW);
   settings.set_cryptomatte(true);
   settings.mutable_planning()->add_forced("levels=2");
   settings.mutable_planning()->add_forced("glossy=1");
@@ -129,7 +131,7 @@ TEST(JobReport, SaysWithWhichOptionsAJobWasSubmitted) {
           R"("width":64,"height":48,"samples_per_pixel":256,"options":{"size":"1920x1080","region":"100,0,164,48",)"
           R"("frames":"1-48,60","fps":24.0,"spp":256,"adaptive":true,"target-error":0.5,"target-metric":"mse255",)"
           R"("seed":0,"max-bounces":8,"method":"default","camera":"front door","env":"sky.exr","env-rotate":0.0,)"
-          R"("env-scale":0.1,"f-stop":2.8,"focus":0.0,"cryptomatte":true,"force":["levels=2","glossy=1"]})"),
+          R"("env-scale":0.1,"background":"transparent","ground":"shadow","f-stop":2.8,"focus":0.0,"cryptomatte":true,"force":["levels=2","glossy=1"]})"),
       std::string::npos)
       << JobJson(job);
   EXPECT_NE(

@@ -394,7 +394,7 @@ void CommandLine::AddSize(const std::string& names, PictureSize* value, const st
     *value = *size;
     return "";
   };
-  parser_->Add(names, "WxH", read, help);
+  parser_->Add(names, "W[xH]", read, help);
 }
 
 void CommandLine::AddRect(const std::string& names, std::optional<Rect>* value, const std::string& help) {

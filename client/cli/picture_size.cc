@@ -19,13 +19,14 @@ bool ParseEdge(absl::string_view text, int* edge) {
 
 absl::StatusOr<PictureSize> ParsePictureSize(absl::string_view text) {
   const size_t cross = text.find('x');
+  const bool has_height = cross != absl::string_view::npos;
   PictureSize size;
-  if (cross == absl::string_view::npos || !ParseEdge(text.substr(0, cross), &size.width) ||
-      !ParseEdge(text.substr(cross + 1), &size.height)) {
-    return absl::InvalidArgumentError(absl::StrCat("expected WIDTHxHEIGHT in pixels, 1 to ", kMaxEdge,
-                                                   " each, such as 512x384; got '", text, "'"));
-  }
-  return size;
+  size.height = 0;
+  if (ParseEdge(text.substr(0, cross), &size.width) &&
+      (!has_height || ParseEdge(text.substr(cross + 1), &size.height)))
+    return size;
+  return absl::InvalidArgumentError(absl::StrCat("expected WIDTHxHEIGHT or WIDTH in pixels, 1 to ", kMaxEdge,
+                                                 " each, such as 512x384; got '", text, "'"));
 }
 
 }  // namespace lumifold::client

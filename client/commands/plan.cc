@@ -22,7 +22,7 @@ std::optional<ExitCode> ParsePlan(const std::vector<std::string>& arguments, con
       "low\n"
       "resolution; writes no picture. docs/plan.md explains each decision.");
   if (const auto ended = command_line.Parse(arguments, environment)) return ended;
-  return CheckJobOptions(options->job, "lumifold plan", environment);
+  return CheckJobOptions("lumifold plan", environment, &options->job);
 }
 
 }  // namespace

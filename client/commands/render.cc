@@ -66,7 +66,7 @@ std::optional<ExitCode> ParseRender(const std::vector<std::string>& arguments, c
                        "Data folder for ledger and results (default: a temporary folder)");
   AddJson(command_line, &options->json);
   if (const auto ended = command_line.Parse(arguments, environment)) return ended;
-  if (const auto ended = CheckJobOptions(options->job, "lumifold render", environment)) return ended;
+  if (const auto ended = CheckJobOptions("lumifold render", environment, &options->job)) return ended;
   if (const auto ended = CheckPreview(options->preview, "lumifold render", environment)) return ended;
   return options->picture.Check(options->job.view.frames, "lumifold render", environment);
 }

@@ -28,6 +28,7 @@ struct SubmitOptions {
 
   JobOptions job;
   SchedulingOptions scheduling;
+  bool is_unchecked = false;
   bool waits = false;
   PictureOptions picture;
   std::string preview;
@@ -45,6 +46,8 @@ std::optional<ExitCode> ParseSubmit(const std::vector<std::string>& arguments, c
   CommandLine command_line(WordsOf("submit"));
   AddJobOptions(command_line, &options->job);
   options->scheduling.AddTo(command_line);
+  command_line.AddFlag("--unchecked", &options->is_unchecked,
+                       "Upload the scene without reading it first: the farm says what it cannot render");
   command_line.AddFlag("--wait", &options->waits,
                        "Show progress until the job has ended; the exit code is its outcome");
   options->picture.AddTo(command_line, "--download", /*is_required=*/false);
@@ -54,7 +57,7 @@ std::optional<ExitCode> ParseSubmit(const std::vector<std::string>& arguments, c
   command_line.SetFooter(
       "--download, --preview and --hook imply --wait. Ctrl-C then ends this command, not the job.");
   if (const auto ended = command_line.Parse(arguments, environment)) return ended;
-  if (const auto ended = CheckJobOptions(options->job, kCommand, environment)) return ended;
+  if (const auto ended = CheckJobOptions(kCommand, environment, &options->job)) return ended;
   if (const auto ended = CheckPreview(options->preview, kCommand, environment)) return ended;
   if (options->picture.output.empty() && options->picture.noisy.empty()) return std::nullopt;
   return options->picture.Check(options->job.view.frames, kCommand, environment);
@@ -78,7 +81,9 @@ absl::StatusOr<std::string> Submit(const SubmitOptions& options, FarmClient& far
   if (!assets.ok()) return assets.status();
   v1::SubmitJobRequest request;
   *request.mutable_spec() = MakeJobSpec(options.job);
-  if (absl::Status status = CheckScene(request.spec(), *assets, environment); !status.ok()) return status;
+  const absl::Status checked =
+      options.is_unchecked ? absl::OkStatus() : CheckScene(request.spec(), *assets, environment);
+  if (!checked.ok()) return checked;
   *request.mutable_scheduling() = std::move(scheduling);
   return SubmitScene(farm, *assets, std::move(request), progress, options.remote.MakeBackoff(environment));
 }

@@ -1,6 +1,7 @@
 #include "client/options/job_options.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <utility>
 
@@ -9,6 +10,7 @@
 #include "absl/strings/str_split.h"
 #include "absl/time/time.h"
 #include "client/reports/job_settings.h"
+#include "client/scene/camera_aspect.h"
 #include "filter/image/decisions.h"
 #include "filter/image/studio.h"
 #include "proto/rpc/bounded_text.h"
@@ -18,6 +20,10 @@ namespace {
 
 constexpr int kMaxBounces = 1024;
 constexpr int kMaxMb = 1 << 20;  // a coordinator takes no larger asset
+
+/// Values of --background and --ground.
+constexpr char kTransparent[] = "transparent";
+constexpr char kShadow[] = "shadow";
 
 /// Neither kNoEnvironment nor kStudioUri is a file: a file of that name has a folder before it ("./none").
 bool HasEnvironment(const EnvironmentMapOptions& environment) {
@@ -58,6 +64,22 @@ v1::PixelFilter PixelFilterOf(const ViewOptions& options) {
 /// Whether samples are placed in the pixel alone: what a spec without a filter says.
 bool IsPixel(const v1::PixelFilter& filter) {
   return filter.kind() == v1::PIXEL_FILTER_KIND_BOX && filter.width() == 1;
+}
+
+/// Sets the height of a size that has only a width.
+absl::Status CompleteSize(JobOptions* options) {
+  PictureSize& size = options->view.size;
+  if (size.height > 0) return absl::OkStatus();
+  const absl::StatusOr<std::optional<double>> aspect = CameraAspect(options->scene, options->view.camera);
+  if (!aspect.ok()) return aspect.status();
+  const PictureSize plain;  // of which a camera without aspect ratio takes the shape
+  const double height = size.width / aspect->value_or(static_cast<double>(plain.width) / plain.height);
+  if (!(height < kMaxEdge + 0.5))
+    return absl::InvalidArgumentError(absl::StrCat("--size: at the camera's aspect ratio a picture ",
+                                                   size.width, " pixels wide would be higher than ",
+                                                   kMaxEdge));
+  size.height = std::max(1, static_cast<int>(std::lround(height)));
+  return absl::OkStatus();
 }
 
 /// The picture is the region.
@@ -119,13 +141,54 @@ void AddSamplingOptions(CommandLine& command_line, SamplingOptions* options) {
                               "Scattering events after the first surface, at most (default 8)");
 }
 
+void AddBackdropOptions(CommandLine& command_line, BackdropOptions* options) {
+  command_line.AddChoice("--background", "WHICH", {"environment", kTransparent}, &options->background,
+                         "What is seen behind the scene: environment (default), or transparent, with A");
+  command_line.AddChoice("--ground", "WHICH", {"none", kShadow}, &options->ground,
+                         "Below the scene: none (default), or shadow: a plane of which A has the shadow; "
+                         "implies --background transparent");
+}
+
+std::optional<ExitCode> CheckCombinations(const JobOptions& options, const std::string& command,
+                                          const Environment& environment) {
+  const auto report = [&](const char* message) { return ReportUsage(environment, command, message); };
+  if (options.sampling.target_metric != kMse255 && options.sampling.target_metric != kRelMse)
+    return report("--target-metric must be mse255 or relmse");
+  if (options.sampling.target_metric != kMse255 && options.sampling.target_error == 0)
+    return report("--target-metric requires --target-error");
+  if (const absl::Status limits = AdaptiveOf(options).status(); !limits.ok())
+    return ReportUsage(environment, command, std::string(limits.message()));
+  if (options.view.pixel_filter_width > kMaxPixelFilterWidth)
+    return ReportUsage(environment, command,
+                       absl::StrCat("--pixel-filter-width: at most ", kMaxPixelFilterWidth));
+  if (options.view.region.has_value() && (options.view.region->x1 > options.view.size.width ||
+                                          options.view.region->y1 > options.view.size.height))
+    return ReportUsage(environment, command,
+                       absl::StrCat("--region: not within the frame of ", options.view.size.width, "x",
+                                    options.view.size.height));
+  if ((options.lens.f_stop > 0) != (options.lens.focus_metres > 0))
+    return report("--f-stop and --focus must be given together");
+  if (!HasEnvironment(options.environment) &&
+      (options.environment.rotate_degrees != 0 || options.environment.scale != 1))
+    return report("--env-rotate and --env-scale require --env");
+  if (options.planning.mode != "auto" && options.planning.mode != "full") {
+    return ReportUsage(environment, command,
+                       absl::StrCat("--plan: expected 'auto' or 'full'; got '", options.planning.mode, "'"));
+  }
+  if (const absl::Status forced = decisions::ParseForced(options.planning.forced).status(); !forced.ok())
+    return ReportUsage(environment, command, absl::StrCat("--force: ", std::string(forced.message())));
+  return std::nullopt;
+}
+
 }  // namespace
 
 void AddJobOptions(CommandLine& command_line, JobOptions* options) {
   command_line.AddArgument("SCENE", &options->scene, "The scene: a glTF 2.0 file, .gltf or .glb");
   command_line.AddText("--job", "FILE", &options->job_file,
                        "Options from a file of YAML or JSON, such as 'spp: 64'; those given here count more");
-  command_line.AddSize("--size", &options->view.size, "Picture size in pixels (default 1024x768)");
+  command_line.AddSize(
+      "--size", &options->view.size,
+      "Picture size in pixels (default 1024x768); W alone: as high as the camera's aspect ratio");
   command_line.AddRect("--region", &options->view.region,
                        "Render only these pixels of the frame, from X0,Y0 to before X1,Y1");
   command_line.AddChoice("--pixel-filter", "FILTER", FilterNames(), &options->view.pixel_filter,
@@ -154,6 +217,7 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
       "Rotation of it about the vertical in degrees, counter-clockwise from above (default 0)");
   command_line.AddPositiveNumber("--env-scale", &options->environment.scale,
                                  "Factor on its radiance (default 1)");
+  AddBackdropOptions(command_line, &options->backdrop);
   command_line.AddPositiveNumber(
       "--f-stop", &options->lens.f_stop,
       "Depth of field: focal length / aperture diameter (default: pinhole camera)");
@@ -176,35 +240,10 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
                         "Override a decision of the plan; repeatable");
 }
 
-std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::string& command,
-                                        const Environment& environment) {
-  const auto report = [&](const char* message) { return ReportUsage(environment, command, message); };
-  if (options.sampling.target_metric != kMse255 && options.sampling.target_metric != kRelMse)
-    return report("--target-metric must be mse255 or relmse");
-  if (options.sampling.target_metric != kMse255 && options.sampling.target_error == 0)
-    return report("--target-metric requires --target-error");
-  if (const absl::Status limits = AdaptiveOf(options).status(); !limits.ok())
-    return ReportUsage(environment, command, std::string(limits.message()));
-  if (options.view.pixel_filter_width > kMaxPixelFilterWidth)
-    return ReportUsage(environment, command,
-                       absl::StrCat("--pixel-filter-width: at most ", kMaxPixelFilterWidth));
-  if (options.view.region.has_value() && (options.view.region->x1 > options.view.size.width ||
-                                          options.view.region->y1 > options.view.size.height))
-    return ReportUsage(environment, command,
-                       absl::StrCat("--region: not within the frame of ", options.view.size.width, "x",
-                                    options.view.size.height));
-  if ((options.lens.f_stop > 0) != (options.lens.focus_metres > 0))
-    return report("--f-stop and --focus must be given together");
-  if (!HasEnvironment(options.environment) &&
-      (options.environment.rotate_degrees != 0 || options.environment.scale != 1))
-    return report("--env-rotate and --env-scale require --env");
-  if (options.planning.mode != "auto" && options.planning.mode != "full") {
-    return ReportUsage(environment, command,
-                       absl::StrCat("--plan: expected 'auto' or 'full'; got '", options.planning.mode, "'"));
-  }
-  if (const absl::Status forced = decisions::ParseForced(options.planning.forced).status(); !forced.ok())
-    return ReportUsage(environment, command, absl::StrCat("--force: ", std::string(forced.message())));
-  return std::nullopt;
+std::optional<ExitCode> CheckJobOptions(const std::string& command, const Environment& environment,
+                                        JobOptions* options) {
+  if (const absl::Status sized = CompleteSize(options); !sized.ok()) return ReportError(environment, sized);
+  return CheckCombinations(*options, command, environment);
 }
 
 absl::StatusOr<SceneAssets> FindJobAssets(const JobOptions& options) {
@@ -264,6 +303,10 @@ v1::JobSpec MakeJobSpec(const JobOptions& options) {
     spec.mutable_environment()->set_rotate_degrees(options.environment.rotate_degrees);
     spec.mutable_environment()->set_scale(options.environment.scale);
   }
+  const bool has_ground = options.backdrop.ground == kShadow;
+  if (has_ground) spec.set_ground(v1::GROUND_SHADOW);
+  if (has_ground || options.backdrop.background == kTransparent)
+    spec.set_background(v1::BACKGROUND_TRANSPARENT);
   if (options.lens.f_stop > 0) {
     spec.mutable_lens()->set_f_stop(options.lens.f_stop);
     spec.mutable_lens()->set_focus_metres(options.lens.focus_metres);

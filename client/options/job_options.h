@@ -65,6 +65,12 @@ struct SceneFileOptions {
   int max_job_mb = 65536;
 };
 
+/// What is behind and below the scene.
+struct BackdropOptions {
+  std::string background = "environment";  // or "transparent"
+  std::string ground = "none";             // or "shadow"
+};
+
 /// What the result has besides the picture.
 struct ResultOptions {
   bool save_film = false;
@@ -84,6 +90,7 @@ struct JobOptions {
   SamplingOptions sampling;
   std::string method = "default";
   EnvironmentMapOptions environment;
+  BackdropOptions backdrop;
   LensOptions lens;
   SceneFileOptions files;
   ResultOptions result;
@@ -93,9 +100,10 @@ struct JobOptions {
 /// Adds SCENE and the options above to a command.
 void AddJobOptions(CommandLine& command_line, JobOptions* options);
 
-/// Checks combinations of options. For an invalid one it prints an error to `err` and returns the exit code.
-std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::string& command,
-                                        const Environment& environment);
+/// Sets the height of a size that has none, by the scene's camera, and checks combinations of options. For an
+/// invalid one it prints an error to `err` and returns the exit code.
+std::optional<ExitCode> CheckJobOptions(const std::string& command, const Environment& environment,
+                                        JobOptions* options);
 
 /// The files of the job: those of its scene and its environment map, with size and SHA-256.
 /// Errors: those of FindSceneAssets() and HashAssets().

@@ -97,23 +97,34 @@ absl::StatusOr<DisplayWriter> DisplayWriter::Create(const std::string& path, int
   return DisplayWriter(path, width, height, options, *std::move(view));
 }
 
-void DisplayWriter::Append(const ConstColorView& linear) {
-  if (options_.exposure.has_value()) return Show(linear, *options_.exposure);
-  const int rows = linear[0].height();
-  for (size_t c = 0; c < linear_.size(); ++c)
-    CopyPlane(linear[c], linear_[c].view().Crop({0, rows_, width_, rows_ + rows}));
-  rows_ += rows;
+bool DisplayWriter::IsPng() const { return absl::EndsWithIgnoreCase(path_, ".png"); }
+
+void DisplayWriter::Append(const ConstColorView& linear, const ConstFloatView* alpha) {
+  if (!IsPng()) alpha = nullptr;
+  if (options_.exposure.has_value()) return Show(linear, alpha, *options_.exposure);
+  const Rect rows = {0, rows_, width_, rows_ + linear[0].height()};
+  for (size_t c = 0; c < linear_.size(); ++c) CopyPlane(linear[c], linear_[c].view().Crop(rows));
+  if (alpha != nullptr) {
+    if (alpha_.width() == 0) alpha_ = Plane::Uninitialized(width_, height_);
+    CopyPlane(*alpha, alpha_.view().Crop(rows));
+  }
+  rows_ = rows.y1;
 }
 
-void DisplayWriter::Show(const ConstColorView& linear, float exposure) {
+void DisplayWriter::Show(const ConstColorView& linear, const ConstFloatView* alpha, float exposure) {
   std::vector<float> row(size_t{3} * static_cast<size_t>(width_));
   for (int y = 0; y < linear[0].height(); ++y) {
     for (int x = 0; x < width_; ++x) {
+      const float covered = alpha == nullptr ? 1 : alpha->At(x, y);
+      const float factor = covered > 0 ? exposure / covered : 0;
       for (size_t c = 0; c < 3; ++c)
-        row[size_t{3} * static_cast<size_t>(x) + c] = exposure * linear[c].At(x, y);
+        row[size_t{3} * static_cast<size_t>(x) + c] = factor * linear[c].At(x, y);
     }
     view_.Apply(absl::MakeSpan(row));
-    for (const float value : row) bytes_.push_back(ByteOf(value));
+    for (int x = 0; x < width_; ++x) {
+      for (size_t c = 0; c < 3; ++c) bytes_.push_back(ByteOf(row[size_t{3} * static_cast<size_t>(x) + c]));
+      if (alpha != nullptr) bytes_.push_back(ByteOf(alpha->At(x, y)));
+    }
   }
 }
 
@@ -121,18 +132,19 @@ absl::Status DisplayWriter::Finish() {
   if (!options_.exposure.has_value()) {
     const ConstColorView all = {std::as_const(linear_[0]).view(), std::as_const(linear_[1]).view(),
                                 std::as_const(linear_[2]).view()};
-    Show(all, AutomaticExposure(all, WhiteOf(options_.view.c_str())));
+    const ConstFloatView alpha = std::as_const(alpha_).view();
+    Show(all, alpha_.width() == 0 ? nullptr : &alpha, AutomaticExposure(all, WhiteOf(options_.view.c_str())));
   }
-  if (absl::EndsWithIgnoreCase(path_, ".png")) return WritePngBytes(path_, width_, height_, bytes_);
+  if (IsPng()) return WritePngBytes(path_, width_, height_, bytes_);
   return WriteJpeg(path_, bytes_, width_, height_, options_.jpeg_quality);
 }
 
 absl::Status WriteDisplayed(const std::string& path, const ConstColorView& linear,
-                            const DisplayOptions& options) {
+                            const DisplayOptions& options, const ConstFloatView* alpha) {
   absl::StatusOr<DisplayWriter> writer =
       DisplayWriter::Create(path, linear[0].width(), linear[0].height(), options);
   if (!writer.ok()) return writer.status();
-  writer->Append(linear);
+  writer->Append(linear, alpha);
   return writer->Finish();
 }
 

@@ -23,21 +23,25 @@ struct DisplayOptions {
 
 /// Writes linear light as a picture of 8 bits a channel, .png or .jpg by the end of the path, after exposure
 /// and view transform. The rows arrive some at a time, from the top down. Until Finish() it has 3 bytes in
-/// memory for each pixel, or 12 where the exposure is automatic.
+/// memory for each pixel, or 12 where the exposure is automatic; a third more with A.
+///
+/// With A, by which the light is premultiplied, a .png gets it as its fourth channel and the view's values of
+/// the light divided by it, as PNG has it. A .jpg shows the light over black.
 class DisplayWriter {
  public:
   /// Errors: those of ViewTransform::Create.
   static absl::StatusOr<DisplayWriter> Create(const std::string& path, int width, int height,
                                               const DisplayOptions& options);
-  /// The next rows, of the picture's width.
-  void Append(const ConstColorView& linear);
+  /// The next rows, of the picture's width. `alpha`: null in all calls or in none.
+  void Append(const ConstColorView& linear, const ConstFloatView* alpha = nullptr);
   /// Writes the file, atomically. All rows must have been appended.
   /// Errors: kInvalidArgument for an empty picture; kUnavailable if the file cannot be written.
   absl::Status Finish();
 
  private:
   DisplayWriter(std::string path, int width, int height, const DisplayOptions& options, ViewTransform view);
-  void Show(const ConstColorView& linear, float exposure);
+  void Show(const ConstColorView& linear, const ConstFloatView* alpha, float exposure);
+  bool IsPng() const;
 
   std::string path_;
   int width_;
@@ -45,12 +49,13 @@ class DisplayWriter {
   DisplayOptions options_;
   ViewTransform view_;
   std::array<Plane, 3> linear_;  // where the exposure is not known yet
+  Plane alpha_;                  // where it is not known and there is A
   int rows_ = 0;                 // of linear_
-  std::vector<uint8_t> bytes_;   // 3 for each pixel
+  std::vector<uint8_t> bytes_;   // 3 for each pixel, or 4 with A
 };
 
-/// The same for a picture in memory.
+/// The same for a picture in memory. `alpha` may be null.
 absl::Status WriteDisplayed(const std::string& path, const ConstColorView& linear,
-                            const DisplayOptions& options);
+                            const DisplayOptions& options, const ConstFloatView* alpha = nullptr);
 
 }  // namespace lumifold::pictures

@@ -15,6 +15,7 @@
 #include "absl/strings/strip.h"
 #include "client/cli/exit_code.h"
 #include "filter/image/exr_io.h"
+#include "filter/image/layers.h"
 
 namespace lumifold::client {
 namespace {
@@ -85,7 +86,13 @@ absl::Status WriteLayer(const std::string& exr_path, const std::string& layer,
     return absl::NotFoundError(
         absl::StrCat(exr_path, ": has no colour layer '", layer, "'; it has ", ColorLayersOf(*image)));
   }
-  return OfThisMachine(pictures::WriteDisplayed(path, image->GetColor(layer), display));
+  // Other pictures have A too: the coverage without what is behind.
+  const auto background = image->metadata().find("lumifold.background");
+  const bool is_transparent = background != image->metadata().end() && background->second == "transparent" &&
+                              (layer.empty() || layer == layers::kNoisy) && image->Has(layers::kAlpha);
+  if (!is_transparent) return OfThisMachine(pictures::WriteDisplayed(path, image->GetColor(layer), display));
+  const ConstFloatView alpha = image->Get(layers::kAlpha);
+  return OfThisMachine(pictures::WriteDisplayed(path, image->GetColor(layer), display, &alpha));
 }
 
 }  // namespace lumifold::client

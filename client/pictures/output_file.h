@@ -27,7 +27,7 @@ absl::Status CheckFolder(const std::string& path, const std::string& folder);
 absl::Status CheckOutput(const std::string& path);
 
 /// Writes one colour layer of an OpenEXR file as .png or .jpg; an empty `layer` is the finished picture (R G
-/// B).
+/// B). A .png of a picture with a transparent background has an alpha channel.
 /// Errors: those of reading and writing, naming the file; kNotFound for a layer the file does not have.
 absl::Status WriteLayer(const std::string& exr_path, const std::string& layer,
                         const pictures::DisplayOptions& display, const std::string& path);

@@ -63,7 +63,7 @@ uint32_t LittleEndian32(const char* bytes) {
 }
 
 // The JSON of a .glb or .gltf file. The content decides which of them it is, not the file name.
-absl::StatusOr<std::string> ReadSceneJson(const rpc::FileHandle& file, int64_t file_bytes) {
+absl::StatusOr<std::string> ReadJson(const rpc::FileHandle& file, int64_t file_bytes) {
   const absl::StatusOr<std::string> head = ReadPiece(file, 0, kGlbHeadBytes);
   if (!head.ok()) return head.status();
   if (!absl::StartsWith(*head, kGlbMagic)) {
@@ -87,12 +87,8 @@ absl::StatusOr<std::string> ReadSceneJson(const rpc::FileHandle& file, int64_t f
 }
 
 absl::StatusOr<std::vector<std::string>> ReadExternalFiles(const std::string& scene_path) {
-  const absl::StatusOr<rpc::FileHandle> file = OpenRegularFile(scene_path);
-  if (!file.ok()) return file.status();
-  const absl::StatusOr<uint64_t> bytes = SizeOf(*file, scene_path);
-  if (!bytes.ok()) return bytes.status();
-  const absl::StatusOr<std::string> json_text = ReadSceneJson(*file, static_cast<int64_t>(*bytes));
-  if (!json_text.ok()) return Prefixed(absl::StrCat(scene_path, ": "), json_text.status());
+  const absl::StatusOr<std::string> json_text = ReadSceneJson(scene_path);
+  if (!json_text.ok()) return json_text.status();
   absl::StatusOr<std::vector<std::string>> files = ExternalFiles(*json_text);
   if (!files.ok()) return Prefixed(absl::StrCat(scene_path, ": "), files.status());
   return files;
@@ -178,6 +174,16 @@ absl::Status CheckSizes(const SceneFileRules& rules, SceneAssets* assets) {
 }
 
 }  // namespace
+
+absl::StatusOr<std::string> ReadSceneJson(const std::string& scene_path) {
+  const absl::StatusOr<rpc::FileHandle> file = OpenRegularFile(scene_path);
+  if (!file.ok()) return file.status();
+  const absl::StatusOr<uint64_t> bytes = SizeOf(*file, scene_path);
+  if (!bytes.ok()) return bytes.status();
+  absl::StatusOr<std::string> json_text = ReadJson(*file, static_cast<int64_t>(*bytes));
+  if (!json_text.ok()) return Prefixed(absl::StrCat(scene_path, ": "), json_text.status());
+  return json_text;
+}
 
 std::string PercentDecoded(const std::string& uri) {
   std::string text;

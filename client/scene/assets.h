@@ -35,6 +35,10 @@ absl::StatusOr<std::string> ReadAsset(const LocalAsset& asset);
 /// use. Their uri is percent-decoded: the worker looks files up by this form.
 using SceneAssets = std::vector<LocalAsset>;
 
+/// The JSON text of a scene file. Errors, with the file's name: kNotFound; kDataLoss for a GLB file that is
+/// too short or has no JSON; kInvalidArgument for what is no regular file; those of the system.
+absl::StatusOr<std::string> ReadSceneJson(const std::string& scene_path);
+
 /// Reads the URIs of the scene's buffers and images; data: URIs are ignored. Opens none of these files.
 /// Errors, each naming the scene: kNotFound for the scene; kDataLoss for a file that is not glTF 2.0, a GLB
 /// file that is too short, or a URI that is not the name of a file; kInvalidArgument for what is no regular

@@ -37,6 +37,15 @@ inline constexpr std::string_view kMask = "mask.Y";    // fraction of samples on
 inline constexpr std::string_view kAlpha = "A";        // coverage: fraction of samples that hit anything
 inline constexpr std::string_view kRoughness = "roughness.Y";  // GGX alpha of the reflecting lobe; 1 without
 
+// Of pictures with a transparent background. All are means over the samples of the pixel; the halves of light
+// and shadow are needed since their ratio is noisy.
+inline constexpr std::string_view kOpacity = "opacity.Y";  // fraction on a surface that is shown
+inline constexpr std::string_view kCatcher = "catcher.Y";  // fraction on a surface that shows shadows alone
+inline constexpr std::array<std::string_view, 2> kCatcherLight = {"catcher_light_a.Y", "catcher_light_b.Y"};
+inline constexpr std::array<std::string_view, 2> kCatcherShadow = {"catcher_shadow_a.Y",
+                                                                   "catcher_shadow_b.Y"};
+inline constexpr std::string_view kShadow = "shadow.Y";  // filtered: the part of A that shadows are
+
 // Sample counts of the halves, per pixel.
 inline constexpr std::string_view kSamplesA = "samples_a.Y";
 inline constexpr std::string_view kSamplesB = "samples_b.Y";
@@ -135,6 +144,10 @@ std::vector<std::string> LevelPassChannels(Level level);
 
 /// The channels that a geometry unit has for a level that some sub-sample has reached: kLevelFeatures.
 std::vector<std::string> LevelFeatureChannels(Level level);
+
+/// The channels that a pass unit has besides if the background is transparent.
+inline constexpr std::array<std::string_view, 6> kMatte = {
+    kOpacity, kCatcher, kCatcherLight[0], kCatcherLight[1], kCatcherShadow[0], kCatcherShadow[1]};
 
 /// The channels of an edge set, see EdgedImage.
 std::vector<std::string> EdgeChannels();

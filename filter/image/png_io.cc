@@ -26,18 +26,21 @@ absl::Status WritePng(const std::string& path, const ConstColorView& linear, flo
   return WritePngBytes(path, width, height, bytes);
 }
 
-absl::Status WritePngBytes(const std::string& path, int width, int height, const std::vector<uint8_t>& rgb) {
+absl::Status WritePngBytes(const std::string& path, int width, int height,
+                           const std::vector<uint8_t>& bytes) {
   if (width <= 0 || height <= 0)
     return absl::InvalidArgumentError(absl::StrCat("cannot write ", path, ": the picture has no pixels"));
-  LUMIFOLD_CHECK(rgb.size() == size_t{3} * static_cast<size_t>(width) * static_cast<size_t>(height));
+  const size_t pixels = static_cast<size_t>(width) * static_cast<size_t>(height);
+  const bool has_alpha = bytes.size() == 4 * pixels;
+  LUMIFOLD_CHECK(has_alpha || bytes.size() == 3 * pixels);
   png_image image = {};
   image.version = PNG_IMAGE_VERSION;
   image.width = static_cast<png_uint_32>(width);
   image.height = static_cast<png_uint_32>(height);
-  image.format = PNG_FORMAT_RGB;
+  image.format = has_alpha ? PNG_FORMAT_RGBA : PNG_FORMAT_RGB;
   png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(image);
   std::string encoded(size, '\0');
-  if (png_image_write_to_memory(&image, encoded.data(), &size, 0, rgb.data(), 0, nullptr) == 0) {
+  if (png_image_write_to_memory(&image, encoded.data(), &size, 0, bytes.data(), 0, nullptr) == 0) {
     return absl::InternalError(absl::StrCat("cannot encode ", path, ": ", image.message));
   }
   encoded.resize(size);

@@ -14,7 +14,8 @@ namespace lumifold {
 /// Errors: kInvalidArgument for an empty picture; kUnavailable if the file cannot be written.
 absl::Status WritePng(const std::string& path, const ConstColorView& linear, float exposure = 1.0f);
 
-/// Writes rows of 8-bit RGB, 3 bytes for each pixel, as PNG. Errors: as WritePng.
-absl::Status WritePngBytes(const std::string& path, int width, int height, const std::vector<uint8_t>& rgb);
+/// Writes rows of 8-bit RGB, 3 bytes for each pixel, or with 4 bytes of RGBA, not premultiplied, as PNG.
+/// Errors: as WritePng.
+absl::Status WritePngBytes(const std::string& path, int width, int height, const std::vector<uint8_t>& bytes);
 
 }  // namespace lumifold

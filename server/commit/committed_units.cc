@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "absl/hash/hash.h"
 #include "absl/strings/str_cat.h"
 
 namespace lumifold::server {
@@ -63,6 +64,14 @@ uint64_t CommittedUnits::record_bytes() const {
   uint64_t bytes = 0;
   for (const Entry& entry : entries_) bytes += entry.place.length;
   return bytes;
+}
+
+size_t CommittedUnits::Fingerprint() const {
+  size_t hash = 0;
+  for (const Log& log : logs_) hash = absl::HashOf(hash, log.name);
+  for (const Entry& entry : entries_)
+    hash = absl::HashOf(hash, entry.log, entry.place.offset, entry.place.length);
+  return hash;
 }
 
 absl::StatusOr<std::string> CommittedUnits::RecordBytes(int64_t number) const {

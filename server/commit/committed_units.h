@@ -29,6 +29,8 @@ class CommittedUnits final : public film::UnitSource {
   int64_t count() const;
   /// Bytes of all their records.
   uint64_t record_bytes() const;
+  /// Differs where other records were committed, as after units were taken back. Of this process only.
+  size_t Fingerprint() const;
   /// Units of the frame, committed or not.
   int64_t places() const { return static_cast<int64_t>(entries_.size()); }
   /// The record of the unit with this number, as it lies in the log; empty if it is not committed.

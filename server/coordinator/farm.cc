@@ -69,6 +69,8 @@ void Farm::EnterJob(const LoadedJob& loaded) {
   }
   for (const scheduler::RestoredUnit& unit : loaded.units)
     scheduler.units().Restore(id, unit, resources_->options.now());
+  for (const std::string& name : loaded.deliverers)
+    scheduler.workers().AddWitness(PartyOf(name, /*is_certified=*/!resources_->options.insecure));
   for (const int32_t frame : scheduler.frames().Committed(id)) QueueDue({id, frame});
   for (const auto& [frame, rounds] : loaded.rounds) QueueDue({id, frame});
   const scheduler::JobProgress progress = scheduler.jobs().Progress(id);
@@ -80,6 +82,15 @@ void Farm::EnterJob(const LoadedJob& loaded) {
   const bool has_begun = progress.units_done > 0 || loaded.record.started != absl::InfinitePast();
   if (!has_begun) AwaitPrerequisites(id, loaded.after);
   watchers.MarkChanged(id);
+}
+
+void Farm::SetPlan(const job::UnitRef& unit, const v1::JobSpec& planned) {
+  ActiveJob* const active = jobs.FindActive(unit.job);
+  active->record.spec = planned;
+  scheduler.units().SetPlan(unit, planned);
+  for (const int32_t frame : job::SkippedFrames(active->record.scheduling.gaps()))
+    scheduler.frames().Skip(unit.job, frame);
+  LimitFramesFor(unit.job);
 }
 
 void Farm::EndJob(const JobId& job, v1::JobState state, const std::string& cause) {

@@ -66,6 +66,8 @@ class Farm {
   void StartJob(ledger::JobRecord record, const std::vector<job::Prerequisite>& after);
   /// A job becomes active that has been on the disk.
   void EnterJob(const LoadedJob& loaded);
+  /// The plan of an active job, which its plan unit has made, is recorded: it divides the job.
+  void SetPlan(const job::UnitRef& unit, const v1::JobSpec& planned);
   /// Ends an active job: its leases are revoked at once, its end is recorded. One that is done and skips
   /// frames is done with gaps. No effect on other jobs.
   void EndJob(const job::JobId& job, v1::JobState state, const std::string& cause);
@@ -100,9 +102,8 @@ class Farm {
   std::optional<RunningFrame> BeginFrame(absl::Time now);
   /// Ends leases to finish frames, which come back; their workers are told.
   void TakeFramesBack(const std::vector<job::Attempt>& leases, std::string_view reason);
-  /// Bounds the frames in flight by what the machine has and all jobs demand, of which one may be new.
+  /// Bounds the frames in flight by what the machine has and all jobs demand.
   void LimitFrames(uint64_t free_disk_bytes);
-  void LimitFramesFor(const job::JobId& job);
 
   /// Asks a worker to go to another coordinator. It gets no more leases here.
   void MoveWorker(job::WorkerId worker, const std::string& to, bool at_once = false);
@@ -133,6 +134,8 @@ class Farm {
   /// Lets an active job wait for others, as they are now.
   void AwaitPrerequisites(const job::JobId& job, std::vector<job::Prerequisite> after);
   void StopRendering(const job::JobId& job);
+  /// Bounds the frames in flight by what this job demands too.
+  void LimitFramesFor(const job::JobId& job);
   void FollowAudits();
   void SendRevoked();
   void SendFrame(const RunningFrame& frame);

@@ -181,14 +181,22 @@ absl::StatusOr<UnitSender> FinishDelivery::OpenUnits(const v1::FetchUnitsRequest
 absl::StatusOr<uint64_t> FinishDelivery::LevelsOf(const FrameKey& frame, const v1::JobSpec& spec,
                                                   const CommittedUnits& units) const {
   constexpr size_t kMaxFrames = 64;
-  // Held while the headers of all units are read: others want them too.
-  absl::MutexLock lock(&mutex_);
-  const auto known = levels_.find(frame);
-  if (known != levels_.end()) return known->second;
+  std::shared_ptr<FrameLevels> found;
+  {
+    absl::MutexLock lock(&mutex_);
+    if (levels_.size() >= kMaxFrames && !levels_.contains(frame)) levels_.clear();
+    std::shared_ptr<FrameLevels>& entry = levels_[frame];
+    if (entry == nullptr) entry = std::make_shared<FrameLevels>();
+    found = entry;
+  }
+  const size_t fingerprint = units.Fingerprint();
+  absl::MutexLock lock(&found->mutex);
+  if (found->levels.has_value() && found->units == fingerprint) return *found->levels;
   const absl::StatusOr<film::UnitFilm> film = film::UnitFilm::Open(spec, frame.second, &units, nullptr);
   if (!film.ok()) return film.status();
-  if (levels_.size() >= kMaxFrames) levels_.clear();
-  return levels_[frame] = film->levels().to_ullong();
+  found->units = fingerprint;
+  found->levels = film->levels().to_ullong();
+  return *found->levels;
 }
 
 absl::StatusOr<std::unique_ptr<ResultUpload>> FinishDelivery::Receive(

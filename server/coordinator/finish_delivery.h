@@ -1,8 +1,10 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "absl/base/thread_annotations.h"
@@ -35,6 +37,13 @@ class FinishDelivery {
                 const std::string& reason) const;
 
  private:
+  /// The levels of light of a frame, once the headers of its units have been read: others that want them wait.
+  struct FrameLevels {
+    absl::Mutex mutex;
+    std::optional<uint64_t> levels ABSL_GUARDED_BY(mutex);
+    size_t units ABSL_GUARDED_BY(mutex) = 0;  // CommittedUnits::Fingerprint of what was read
+  };
+
   /// The levels of light that the frame has, as v1::ByteChunk has them.
   absl::StatusOr<uint64_t> LevelsOf(const FrameKey& frame, const v1::JobSpec& spec,
                                     const CommittedUnits& units) const;
@@ -43,7 +52,7 @@ class FinishDelivery {
   FarmState* const state_;
   FrameFinishing* const finishing_;
   mutable absl::Mutex mutex_;
-  mutable std::map<FrameKey, uint64_t> levels_ ABSL_GUARDED_BY(mutex_);  // of some frames, found before
+  mutable std::map<FrameKey, std::shared_ptr<FrameLevels>> levels_ ABSL_GUARDED_BY(mutex_);  // of some frames
 };
 
 }  // namespace lumifold::server

@@ -83,6 +83,9 @@ absl::Status JobLoader::LoadProgress(LoadedJob* loaded) {
   absl::StatusOr<std::vector<int32_t>> finished = resources_->store->FinishedFrames(id);
   if (!finished.ok()) return finished.status();
   loaded->finished = *std::move(finished);
+  absl::StatusOr<std::vector<std::string>> deliverers = resources_->store->DeliverersOf(id);
+  if (!deliverers.ok()) return deliverers.status();
+  loaded->deliverers = *std::move(deliverers);
   std::vector<int32_t> left_out = job::SkippedFrames(loaded->record.scheduling.gaps());
   left_out.insert(left_out.end(), loaded->finished.begin(), loaded->finished.end());
   std::sort(left_out.begin(), left_out.end());

@@ -26,6 +26,8 @@ struct LoadedJob {
   /// Rounds of the frames with committed units, with adaptive sampling.
   std::map<int32_t, std::shared_ptr<const job::FrameRounds>> rounds;
   std::vector<job::Prerequisite> after;
+  /// Workers that delivered units of the job.
+  std::vector<std::string> deliverers;
   /// Why the job cannot continue; empty if it can.
   std::string error;
 };

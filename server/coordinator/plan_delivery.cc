@@ -9,7 +9,6 @@
 #include "absl/strings/str_cat.h"
 #include "proto/logging/fields.h"
 #include "proto/rpc/plan_text.h"
-#include "server/job/gaps.h"
 #include "server/job/plan.h"
 #include "server/storage/manifest.h"
 
@@ -56,17 +55,12 @@ absl::Status PlanDelivery::Record(const JobId& job, const v1::JobSpec& planned) 
 void PlanDelivery::OnRecorded(WorkerId worker, const UnitRef& unit, Attempt attempt,
                               const v1::JobSpec& planned, const absl::Status& status) const {
   FarmState::Change farm(state_);
-  ActiveJob* const active = farm->jobs.FindActive(unit.job);
-  if (active == nullptr) return;  // it ended, or is being changed
+  if (farm->jobs.FindActive(unit.job) == nullptr) return;  // it ended, or is being changed
   if (!status.ok()) {
     return farm->FailJob(unit.job,
                          absl::StrCat("the plan cannot be recorded: ", std::string(status.message())));
   }
-  active->record.spec = planned;
-  farm->scheduler.units().SetPlan(unit, planned);
-  for (const int32_t frame : job::SkippedFrames(active->record.scheduling.gaps()))
-    farm->scheduler.frames().Skip(unit.job, frame);
-  farm->LimitFramesFor(unit.job);
+  farm->SetPlan(unit, planned);
   resources_->log().info("event=job_planned job={} worker={} rays={} plan={}", unit.job.value(),
                          farm->workers.NameOf(worker), planned.plan().probe_rays(),
                          logging::Quoted(rpc::PlanLine(planned.plan())));

@@ -179,8 +179,8 @@ class WorkerApi {
   virtual absl::Status CheckFetch(const v1::FetchAssetRequest& request, const std::string& caller) = 0;
   /// After CheckFetch.
   virtual absl::StatusOr<rpc::ByteSender> OpenAsset(const v1::FetchAssetRequest& request) const = 0;
-  /// The units of a frame that the worker has a lease to finish. Errors: kPermissionDenied without such a
-  /// lease; those of CommittedUnits.
+  /// The units of a frame that the worker has a lease to finish. Errors: kNotFound for a job that is not
+  /// active; kPermissionDenied without such a lease; those of CommittedUnits.
   virtual absl::StatusOr<UnitSender> OpenUnits(const v1::FetchUnitsRequest& request,
                                                const std::string& caller) = 0;
   /// The result of such a lease is about to arrive. Errors: as OpenUnits; kResourceExhausted while the

@@ -54,14 +54,6 @@ absl::Status CheckHello(const v1::Hello& hello) {
   return absl::OkStatus();
 }
 
-/// The name without ":PROCESS", which workers on one machine have in common, where nothing else tells.
-std::string PartyOf(const std::string& name, const access::Identity& caller) {
-  const size_t colon = name.rfind(':');
-  const bool has_process = colon != std::string::npos && colon > 0 && colon + 1 < name.size() &&
-                           name.find_first_not_of("0123456789", colon + 1) == std::string::npos;
-  return caller.kind == access::IdentityKind::kLocal && has_process ? name.substr(0, colon) : name;
-}
-
 }  // namespace
 
 absl::StatusOr<WorkerId> WorkerCalls::AddWorker(const v1::Hello& hello, const access::Identity& caller,
@@ -75,8 +67,8 @@ absl::StatusOr<WorkerId> WorkerCalls::AddWorker(const v1::Hello& hello, const ac
   if (farm->is_stopping()) return absl::UnavailableError("the coordinator is stopping");
   const std::string process = logging::OneWord(hello.name());
   // What a worker says of itself must not free it from a block.
-  const std::string name =
-      caller.kind == access::IdentityKind::kLocal ? process : logging::OneWord(caller.name);
+  const bool is_certified = caller.kind != access::IdentityKind::kLocal;
+  const std::string name = is_certified ? logging::OneWord(caller.name) : process;
   const WorkerId worker = farm->workers.Add({.name = name,
                                              .process = process,
                                              .caller = access::KeyOf(caller),
@@ -85,7 +77,7 @@ absl::StatusOr<WorkerId> WorkerCalls::AddWorker(const v1::Hello& hello, const ac
                                              .connected = resources_->options.wall_now(),
                                              .known_jobs = {}});
   farm->scheduler.workers().Add(worker, {.name = name,
-                                         .party = PartyOf(name, caller),
+                                         .party = PartyOf(name, is_certified),
                                          .numeric_class = hello.numeric_class(),
                                          .instance = hello.instance(),
                                          .slots = hello.slots(),

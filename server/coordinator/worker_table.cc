@@ -8,6 +8,13 @@ namespace lumifold::server {
 
 using job::WorkerId;
 
+std::string PartyOf(const std::string& name, bool is_certified) {
+  const size_t colon = name.rfind(':');
+  const bool has_process = colon != std::string::npos && colon > 0 && colon + 1 < name.size() &&
+                           name.find_first_not_of("0123456789", colon + 1) == std::string::npos;
+  return !is_certified && has_process ? name.substr(0, colon) : name;
+}
+
 WorkerId WorkerTable::Add(ConnectedWorker worker) {
   const WorkerId id(next_worker_++);
   workers_.emplace(id, std::move(worker));

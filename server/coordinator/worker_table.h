@@ -26,6 +26,10 @@ struct ConnectedWorker {
   std::set<job::JobId> known_jobs = {};  // jobs of which the worker got leases
 };
 
+/// Who may err by itself, see scheduler::Evidence: the worker's certificate, or the machine that its name has
+/// before ":PROCESS".
+std::string PartyOf(const std::string& name, bool is_certified);
+
 /// The connected workers, and the way to them. Pure state, apart from the queues of the sinks.
 /// Threads: one at a time.
 class WorkerTable {

@@ -91,6 +91,22 @@ void WriteWhole(const TilePlacement& placement, const TileSums& sums, std::strin
   }
 }
 
+/// Writes layers::kMatte: means over all samples, or over those of a half.
+void WriteMatte(const TilePlacement& placement, const TileSums& sums, const Counts& counts,
+                LayeredImage* film) {
+  for (const std::string_view name : {layers::kOpacity, layers::kCatcher}) {
+    const std::vector<double>& sum = sums.Of(name);
+    WriteTile(placement, name, film, [&](size_t i) { return Mean(sum[i], counts.a[i] + counts.b[i]); });
+  }
+  for (const auto& names : {layers::kCatcherLight, layers::kCatcherShadow}) {
+    for (size_t half = 0; half < names.size(); ++half) {
+      const std::vector<double>& sum = sums.Of(names[half]);
+      const std::vector<double>& count = half == 0 ? counts.a : counts.b;
+      WriteTile(placement, names[half], film, [&](size_t i) { return Mean(sum[i], count[i]); });
+    }
+  }
+}
+
 Counts CountsOf(const TileSums& sums) { return {sums.Of(layers::kSamplesA), sums.Of(layers::kSamplesB)}; }
 
 /// All rows of all lists of the tiles, in the order of the frame's pixels. The rows of a pixel are in one
@@ -160,6 +176,9 @@ FilmBuilder::FilmBuilder(const Rect& part, const LevelSet& levels, const UnitMod
   }
   film_.Add(layers::kSamplesA);
   film_.Add(layers::kSamplesB);
+  if (model.has_matte) {
+    for (const std::string_view name : layers::kMatte) film_.Add(name);
+  }
   for (const std::string& name : GeometryChannels()) film_.Add(name);
   for (size_t i = 0; i < levels.size(); ++i) {
     if (levels[i]) LevelOf(Level::Of(i));
@@ -181,6 +200,7 @@ void FilmBuilder::SetMeans(const Rect& rect, const TileSums& sums) {
   for (const std::string_view layer : layers::kWhole) {
     if (model_.Has(layer)) WriteWhole(placement, sums, layer, counts, &film_);
   }
+  if (model_.has_matte) WriteMatte(placement, sums, counts, &film_);
   for (size_t i = 0; i < layers::kLevelCount; ++i) {
     if (sums.Has(OfLevel(Level::Of(i), layers::kSamplesA))) SetLevelMeans(rect, sums, Level::Of(i));
   }

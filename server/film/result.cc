@@ -12,9 +12,13 @@
 #include "proto/rpc/plan_text.h"
 #include "proto/rpc/version.h"
 #include "server/film/cryptomatte.h"
+#include "server/film/matte.h"
 
 namespace lumifold::film {
 namespace {
+
+/// The method that leaves the picture as it is.
+constexpr char kNoFilter[] = "none";
 
 void MoveChannel(std::string_view name, LayeredImage* from, LayeredImage* to) {
   const auto found = std::find_if(from->channels().begin(), from->channels().end(),
@@ -72,6 +76,8 @@ void Describe(const ResultInfo& info, LayeredImage* result) {
   if (!spec.animation().empty()) metadata["lumifold.animation"] = spec.animation();
   if (!spec.variant().empty()) metadata["lumifold.variant"] = spec.variant();
   if (!info.facts.environment().empty()) metadata["lumifold.environment"] = info.facts.environment();
+  if (spec.background() == v1::BACKGROUND_TRANSPARENT) metadata["lumifold.background"] = "transparent";
+  if (spec.ground() == v1::GROUND_SHADOW) metadata["lumifold.ground"] = "shadow";
   metadata["lumifold.frame"] = absl::StrCat(info.frame);
   metadata["lumifold.size"] = absl::StrCat(spec.width(), "x", spec.height());
   if (spec.has_pixel_filter()) metadata["lumifold.pixel_filter"] = PixelFilterText(spec.pixel_filter());
@@ -92,6 +98,8 @@ EdgedImage BuildResult(EdgedImage film, std::array<Plane, 3> filtered, const Res
   LayeredImage result(film.pixels.width(), film.pixels.height());
   const auto beauty = layers::ColorChannels(layers::kBeauty);
   for (size_t c = 0; c < beauty.size(); ++c) result.Add(beauty[c], std::move(filtered[c]));
+  const bool is_transparent = info.spec.background() == v1::BACKGROUND_TRANSPARENT;
+  const Plane alpha = is_transparent ? AlphaOf(film, info.spec.filter().method() != kNoFilter) : Plane();
   MoveChannel(layers::kAlpha, &film.pixels, &result);
   for (const std::string_view layer :
        {layers::kNoisy, layers::kDirect, layers::kIndirect, layers::kAlbedo, layers::kEmission}) {
@@ -102,10 +110,12 @@ EdgedImage BuildResult(EdgedImage film, std::array<Plane, 3> filtered, const Res
                                       layers::kPlanarDepth, layers::kDistance, layers::kObjectId}) {
     MoveChannel(name, &film.pixels, &result);
   }
-  AddCryptomatte(info.facts.objects(), film.edges, &result);
+  AddCryptomatte(info.facts.objects(), film.edges, &result);  // by the coverage of the geometry
+  if (is_transparent) CopyPlane(alpha.view(), result.Get(layers::kAlpha));
   if (info.spec.save_film()) {
     for (LayeredImage::Channel& channel : film.pixels.channels()) {
-      if (!result.Has(channel.name)) result.Add(channel.name, std::move(channel.plane));
+      if (!result.Has(channel.name) && channel.name != layers::kShadow)
+        result.Add(channel.name, std::move(channel.plane));
     }
   }
   Describe(info, &result);

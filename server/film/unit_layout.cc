@@ -369,7 +369,8 @@ UnitModel ModelOf(const v1::JobSpec& spec) {
                       .albedo = is_on(decisions::kAlbedo),
                       .emission = is_on(decisions::kEmission),
                       .glossy = is_on(decisions::kGlossy)},
-          .levels = job::ValueOf(spec, decisions::kLevels)};
+          .levels = job::ValueOf(spec, decisions::kLevels),
+          .has_matte = spec.background() == v1::BACKGROUND_TRANSPARENT};
 }
 
 std::vector<std::string> PassChannels(const UnitModel& model) {
@@ -387,6 +388,7 @@ std::vector<std::string> PassChannels(const UnitModel& model) {
   }
   names.emplace_back(layers::kSamplesA);
   names.emplace_back(layers::kSamplesB);
+  if (model.has_matte) names.insert(names.end(), layers::kMatte.begin(), layers::kMatte.end());
   return names;
 }
 
@@ -411,7 +413,9 @@ rpc::PixelLimits UnitLimits(const Rect& rect) {
   limits.max_width = rect.width();
   limits.max_height = rect.height();
   const size_t of_levels = layers::kLevelCount * layers::LevelPassChannels(Level{}).size();
-  limits.max_channels = static_cast<int>(PassChannels().size() + of_levels);
+  UnitModel most;
+  most.has_matte = true;
+  limits.max_channels = static_cast<int>(PassChannels(most).size() + of_levels);
   return limits;
 }
 

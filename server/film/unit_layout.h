@@ -23,6 +23,7 @@ namespace lumifold::film {
 struct UnitModel {
   layers::Carried carried;
   int levels = layers::kMaxDepth;  // greatest depth
+  bool has_matte = false;          // layers::kMatte
 
   /// Whether units have this layer of layers::kHalved or layers::kWhole.
   bool Has(std::string_view layer) const { return carried.Has(layer); }
@@ -31,7 +32,8 @@ struct UnitModel {
 UnitModel ModelOf(const v1::JobSpec& spec);
 
 /// Channels of every pass unit, all of them sums: the layers with halves as "direct_a.R" ... "direct_b.B";
-/// the layers without halves; and the counts of finite samples, samples_a.Y and samples_b.Y. A unit may also
+/// the layers without halves; the counts of finite samples, samples_a.Y and samples_b.Y; and layers::kMatte
+/// if the model has it. A unit may also
 /// have levels (layers::LevelPassChannels), each with all of its channels.
 std::vector<std::string> PassChannels(const UnitModel& model = {});
 

@@ -122,6 +122,18 @@ absl::Status CheckCrop(const v1::JobSpec& spec) {
   return absl::OkStatus();
 }
 
+absl::Status CheckBackground(const v1::JobSpec& spec) {
+  if (!v1::Background_IsValid(spec.background()))
+    return absl::InvalidArgumentError(
+        absl::StrCat("background is ", static_cast<int>(spec.background()), ", which is none"));
+  if (!v1::Ground_IsValid(spec.ground()))
+    return absl::InvalidArgumentError(
+        absl::StrCat("ground is ", static_cast<int>(spec.ground()), ", which is none"));
+  if (spec.ground() == v1::GROUND_NONE || spec.background() == v1::BACKGROUND_TRANSPARENT)
+    return absl::OkStatus();
+  return absl::InvalidArgumentError("ground: a shadow needs a transparent background");
+}
+
 absl::Status CheckPixelFilter(const v1::JobSpec& spec) {
   if (!spec.has_pixel_filter()) return absl::OkStatus();
   const v1::PixelFilter& filter = spec.pixel_filter();
@@ -285,6 +297,7 @@ absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec) {
   if (absl::Status status = CheckLens(spec); !status.ok()) return status;
   if (absl::Status status = CheckCrop(spec); !status.ok()) return status;
   if (absl::Status status = CheckPixelFilter(spec); !status.ok()) return status;
+  if (absl::Status status = CheckBackground(spec); !status.ok()) return status;
   const int64_t samples_per_frame = int64_t{spec.width()} * spec.height() * spec.samples_per_pixel();
   const int frames = FrameList(spec).count();
   if (samples_per_frame > kMaxJobSamples / frames) {

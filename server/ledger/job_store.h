@@ -242,6 +242,8 @@ class JobStore {
   virtual absl::Status RecordFrame(const OwnedJob& job, int32_t frame, const v1::FrameReport& report) = 0;
   /// Recorded frames of a job, in ascending order.
   virtual absl::StatusOr<std::vector<int32_t>> FinishedFrames(const job::JobId& job) = 0;
+  /// Names of the workers that delivered committed units of a job, of recorded frames, too.
+  virtual absl::StatusOr<std::vector<std::string>> DeliverersOf(const job::JobId& job) = 0;
   /// Ends a job. Its units are no longer visited, and PurgeUnits deletes their rows; its counts stay. No
   /// effect on a job that has ended.
   virtual absl::Status EndJob(const OwnedJob& job, v1::JobState state, const std::string& error) = 0;

@@ -34,6 +34,7 @@ class SqlJobStore final : public JobStore {
                            absl::FunctionRef<void(const UnitRecord&)> visit) override;
   absl::Status RecordFrame(const OwnedJob& job, int32_t frame, const v1::FrameReport& report) override;
   absl::StatusOr<std::vector<int32_t>> FinishedFrames(const JobId& job) override;
+  absl::StatusOr<std::vector<std::string>> DeliverersOf(const JobId& job) override;
   absl::Status EndJob(const OwnedJob& job, v1::JobState state, const std::string& error) override;
   absl::Status ReopenFrames(const JobId& job, const Owner& owner, const Reopening& reopening) override;
   absl::Status SetScheduling(const OwnedJob& job, const v1::Scheduling& scheduling) override;
@@ -158,6 +159,11 @@ absl::Status SqlJobStore::RecordFrame(const OwnedJob& job, int32_t frame, const 
 absl::StatusOr<std::vector<int32_t>> SqlJobStore::FinishedFrames(const JobId& job) {
   absl::MutexLock lock(&reader_mutex_);
   return QueryFinishedFrames(*reader_, job);
+}
+
+absl::StatusOr<std::vector<std::string>> SqlJobStore::DeliverersOf(const JobId& job) {
+  absl::MutexLock lock(&reader_mutex_);
+  return QueryDeliverers(*reader_, job);
 }
 
 absl::Status SqlJobStore::EndJob(const OwnedJob& job, v1::JobState state, const std::string& error) {

@@ -284,6 +284,16 @@ absl::StatusOr<std::vector<int32_t>> QueryFinishedFrames(SqlConnection& db, cons
   return frames;
 }
 
+absl::StatusOr<std::vector<std::string>> QueryDeliverers(SqlConnection& db, const JobId& job) {
+  const absl::StatusOr<int64_t> number = NumberOf(db, job);
+  if (!number.ok()) return number.status();
+  std::vector<std::string> names;
+  const absl::Status status = db.Query("SELECT name FROM workers WHERE job = $1", {*number},
+                                       [&names](SqlRow& row) { names.push_back(row.Text()); });
+  if (!status.ok()) return status;
+  return names;
+}
+
 absl::StatusOr<int64_t> DeleteGarbage(SqlConnection& db, int64_t max_rows) {
   while (max_rows > 0) {
     const absl::StatusOr<std::optional<int64_t>> film = db.QueryInt(

@@ -42,6 +42,8 @@ absl::Status DiscardFilms(SqlConnection& db, int64_t job, const std::string& con
                           const SqlParams& params);
 /// JobStore::FinishedFrames.
 absl::StatusOr<std::vector<int32_t>> QueryFinishedFrames(SqlConnection& db, const job::JobId& job);
+/// JobStore::DeliverersOf.
+absl::StatusOr<std::vector<std::string>> QueryDeliverers(SqlConnection& db, const job::JobId& job);
 /// JobStore::PurgeUnits.
 absl::StatusOr<int64_t> DeleteGarbage(SqlConnection& db, int64_t max_rows);
 /// JobStore::BlockedWorkers.

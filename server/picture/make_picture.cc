@@ -11,6 +11,7 @@
 #include "filter/image/layers.h"
 #include "filter/methods.h"
 #include "proto/sandbox/sandbox.h"
+#include "server/film/matte.h"
 #include "server/film/result_writer.h"
 #include "server/film/unit_film.h"
 #include "server/picture/filtered_round.h"
@@ -75,12 +76,14 @@ std::array<Plane, 3> PictureIn(const LayeredImage& rows, const Rect& rect) {
 /// Filters a frame and writes its result.
 class Finish {
  public:
-  Finish(film::UnitFilm* film, film::ResultWriter* result, std::string method, TaskPool* pool,
-         StageClock* clock)
+  /// `catches_shadows`: A has filtered shadows.
+  Finish(film::UnitFilm* film, film::ResultWriter* result, std::string method, bool catches_shadows,
+         TaskPool* pool, StageClock* clock)
       : film_(*film),
         timed_(MakeTimedFilm(film, clock)),
         result_(*result),
         method_(std::move(method)),
+        catches_shadows_(catches_shadows),
         pool_(pool),
         clock_(*clock) {}
 
@@ -91,29 +94,46 @@ class Finish {
     absl::StatusOr<std::array<Plane, 3>> filtered =
         filter::FilterFilm(film->pixels, method_, pool_, &film->edges, &film->fragments);
     if (!filtered.ok()) return filtered.status();
-    clock_.Charge(StageClock::kFilter);
-    return Write(*std::move(film), *std::move(filtered));
+    return WriteWhole(*std::move(film), *std::move(filtered));
   }
 
   /// For a frame that was filtered before.
   absl::Status Filtered(FilteredRound frame) {
-    return Write(std::move(frame.film), std::move(frame.filtered.picture));
+    return WriteWhole(std::move(frame.film), std::move(frame.filtered.picture));
   }
 
   /// For a frame of several blocks: the other layers of the result are read again when the rows of the
   /// picture are filtered. Keeping them would need the memory of a row of blocks with all channels.
   absl::Status InRows(const filter::BlockParams& blocks, const filter::ReadyBlocks& ready) {
+    if (catches_shadows_) {
+      film::ShadowFilm shadows(&timed_);
+      absl::StatusOr<Picture> filtered = filter::FilterFilmByRows(&shadows, method_, pool_, blocks);
+      if (!filtered.ok()) return filtered.status();
+      shadow_ = std::move((*filtered)[0]);
+    }
     const auto write = [this](const LayeredImage& rows) { return WriteRows(rows); };
     return filter::FilterFilmInRows(&timed_, method_, {}, pool_, write, blocks, ready);
   }
 
  private:
+  absl::Status WriteWhole(EdgedImage film, std::array<Plane, 3> filtered) {
+    if (catches_shadows_) {
+      absl::StatusOr<Picture> shadow = filter::FilterFilm(film::ShadowFilmOf(film.pixels), method_, pool_);
+      if (!shadow.ok()) return shadow.status();
+      film.pixels.Add(layers::kShadow, std::move((*shadow)[0]));
+    }
+    clock_.Charge(StageClock::kFilter);
+    return Write(std::move(film), std::move(filtered));
+  }
+
   absl::Status WriteRows(const LayeredImage& rows) {
     const int first = y_;
     while (y_ < first + rows.height()) {
       const Rect band = {0, y_, film_.width(), std::min(first + rows.height(), film_.BandEnd(y_))};
       absl::StatusOr<EdgedImage> part = timed_.Read(band);
       if (!part.ok()) return part.status();
+      if (catches_shadows_)
+        CopyPlane(std::as_const(shadow_).view().Crop(band), part->pixels.Add(layers::kShadow));
       absl::Status status = Write(*std::move(part), PictureIn(rows, SeenFrom(0, first, band)));
       if (!status.ok()) return status;
       y_ = band.y1;
@@ -131,9 +151,11 @@ class Finish {
   TimedFilm timed_;
   film::ResultWriter& result_;
   const std::string method_;
+  const bool catches_shadows_;
   TaskPool* const pool_;
   StageClock& clock_;
-  int y_ = 0;  // first row that is not written
+  Plane shadow_;  // of the frame, where it is written in rows
+  int y_ = 0;     // first row that is not written
 };
 
 /// The picture that MakeBlock has made as `bytes`.
@@ -204,6 +226,7 @@ absl::StatusOr<v1::FrameReport> MakePicture(const CompleteFrame& frame, const Pi
   absl::StatusOr<film::UnitOutline> first = frame.units.Outline({frame.frame, 0, 0, v1::UNIT_KIND_GEOMETRY});
   if (!first.ok()) return first.status();
   info.facts = std::move(first->stats);
+  const bool catches_shadows = info.facts.catches_shadows();
   std::optional<EstimatedFrame> estimated;
   if (rounds != nullptr) {
     absl::StatusOr<EstimatedFrame> made = Estimated(frame.spec, frame.frame, *rounds, frame.units, pool);
@@ -216,7 +239,7 @@ absl::StatusOr<v1::FrameReport> MakePicture(const CompleteFrame& frame, const Pi
   absl::StatusOr<film::ResultWriter> result = film::ResultWriter::Create(file.path, *film, info, file.files);
   if (!result.ok()) return result.status();
   clock.Charge(StageClock::kWrite);
-  Finish finish(&*film, &*result, frame.spec.filter().method(), pool, &clock);
+  Finish finish(&*film, &*result, frame.spec.filter().method(), catches_shadows, pool, &clock);
   const bool is_one_block = filter::BlockGrid(film->width(), film->height(), blocks).IsOneBlock();
   const absl::Status written = estimated.has_value() ? finish.Filtered(std::move(estimated->last))
                                : is_one_block        ? finish.Whole()

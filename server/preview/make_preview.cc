@@ -27,6 +27,7 @@
 #include "server/commit/committed_units.h"
 #include "server/film/result.h"
 #include "server/film/unit_film.h"
+#include "server/preview/fill_gaps.h"
 
 namespace lumifold::server {
 namespace {
@@ -276,6 +277,7 @@ absl::StatusOr<v1::Preview> PreviewOfUnits(const Unfinished& of, const Rect& reg
   const double mean = MeanOf(samples);
   LayeredImage picture =
       film::BuildResult({std::move(filtered->film), {}}, std::move(filtered->filtered.picture), {}).pixels;
+  FillGaps(samples, picture.GetColor(layers::kBeauty));
   picture.Add(kSamples, std::move(samples));
   if (error.has_value()) picture.Add(kErrorChannel, *std::move(error));
   v1::Preview preview = PreviewOf(part, std::move(picture));

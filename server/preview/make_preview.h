@@ -38,10 +38,11 @@ struct PreviewRequest {
 };
 
 /// Makes the preview of a frame, reduced to kPreviewSide or less, or of a region: of its result, or of a film
-/// of the units that are committed, which is filtered after it is reduced. The latter has all channels of a
-/// result, and "samples.Y", the samples per pixel of the frame; where the job's filter knows it
-/// (filter::CheckDeviation) also "error.Y", the estimated error of the filtered picture: the root of the mean
-/// square of blocks of kSampleBlock pixels, in 8-bit steps, 0 where a tile has no pass.
+/// of the units that are committed, which is filtered after it is reduced; its picture is coarse where no
+/// sample is yet (FillGaps). The latter has all channels of a result, and "samples.Y", the samples per pixel
+/// of the frame; where the job's filter knows it (filter::CheckDeviation) also "error.Y", the estimated error
+/// of the filtered picture: the root of the mean square of blocks of kSampleBlock pixels, in 8-bit steps, 0
+/// where a tile has no pass.
 /// Memory: a band of rows of the film, and twice the preview with all channels of the film.
 /// Errors: those of CommittedUnits, ExrFilm and FilterFilm; kOutOfRange while no unit is committed;
 /// kInvalidArgument for a region that is not within the frame.

@@ -90,7 +90,6 @@ AuditBook::Verdict AuditBook::Vote(const UnitIndex& unit, const std::string& wor
                                    absl::Time now) {
   JobAudits& job = jobs_.at(unit.job);
   Audit& audit = job.audits.at(unit.place);
-  audit.leased = false;
   audit.votes.push_back({worker, std::string(digest)});
   const std::vector<Ballot>& votes = audit.votes;
   const auto right = std::find_if(votes.begin(), votes.end(), [&](const Ballot& vote) {

@@ -12,7 +12,8 @@ void Disputes::Judge(const UnitIndex& unit, absl::Time now) {
   const Evidence::Record* const record = state_->evidence.Find(unit);
   if (record == nullptr || record->Parties() == 0) return;
   const DisputeOptions& options = state_->options.disputes;
-  if (record->Parties() >= options.deciding_parties || record->Witnesses() >= options.deciding_witnesses)
+  if (record->Parties() >= options.deciding_parties ||
+      state_->evidence.WitnessesOf(*record) >= options.deciding_witnesses)
     return Fail(unit, *record);
   state_->evidence.SetDue(unit, now + options.patience);
 }
@@ -20,7 +21,8 @@ void Disputes::Judge(const UnitIndex& unit, absl::Time now) {
 void Disputes::Expire(absl::Time now) {
   for (const UnitIndex& unit : state_->evidence.TakeDue(now)) {
     const Evidence::Record& record = *state_->evidence.Find(unit);
-    if ((record.Witnesses() >= 1 || record.Parties() >= 2) && !CanAskAnother(*state_, unit)) {
+    if ((state_->evidence.WitnessesOf(record) >= 1 || record.Parties() >= 2) &&
+        !CanAskAnother(*state_, unit)) {
       Fail(unit, record);
     } else if (record.Parties() > 0) {
       state_->evidence.SetDue(unit, now + state_->options.disputes.patience);
@@ -29,13 +31,11 @@ void Disputes::Expire(absl::Time now) {
 }
 
 bool Disputes::CanAskAnother(const State& state, const UnitIndex& unit) {
-  const Evidence::Record* const record = state.evidence.Find(unit);
   const Requirement& requirement = state.ready.RequirementOf(unit.job);
   for (const job::WorkerId id : state.workers.After(job::WorkerId(0), std::numeric_limits<int>::max())) {
     const Worker& worker = *state.workers.Find(id);
     if (!worker.IsAvailable() || !requirement.Admits(state.workers.KindOf(worker.kind))) continue;
-    const auto statement = record->statements.find(worker.traits.party);
-    if (statement == record->statements.end() || !statement->second.impossible) return true;
+    if (state.evidence.IsAskedAbout(unit, worker.traits.party)) return true;
   }
   return false;
 }

@@ -15,7 +15,8 @@ namespace lumifold::scheduler {
 ///   unit impossible, or two parties.
 /// * Otherwise it waits. The word of one party that has delivered nothing never fails a job.
 /// * When the unit is rendered, those who called it impossible are at fault (WorkerHealth).
-/// * Who called a unit impossible gets no units of that job for SchedulerOptions::cool_down.
+/// * Who called a unit impossible gets no units of that job for SchedulerOptions::cool_down, except the
+///   first one that another party calls impossible: it is asked about that.
 ///
 /// Threads: one at a time.
 class Disputes {

@@ -11,10 +11,10 @@ int Evidence::Record::Parties() const {
                                         [](const auto& entry) { return entry.second.impossible; }));
 }
 
-int Evidence::Record::Witnesses() const {
-  return static_cast<int>(std::count_if(statements.begin(), statements.end(), [](const auto& entry) {
-    return entry.second.impossible && entry.second.witness;
-  }));
+int Evidence::WitnessesOf(const Record& record) const {
+  return static_cast<int>(std::count_if(
+      record.statements.begin(), record.statements.end(),
+      [this](const auto& entry) { return entry.second.impossible && witnesses_.contains(entry.first); }));
 }
 
 Evidence::Record& Evidence::RecordOf(const UnitIndex& unit, WorkerId id, const Worker& worker) {
@@ -30,7 +30,6 @@ const Evidence::Record& Evidence::AddFailure(const UnitIndex& unit, WorkerId id,
   ++record.failures;
   record.last_error = error;
   Statement& statement = record.statements[worker.traits.party];
-  statement.witness = statement.witness || worker.units.done > 0;
   statement.instance = worker.traits.instance;
   if (++statement.failures >= max_failures_ || permanent)
     CallImpossible(unit, worker.traits.party, &statement, now);
@@ -41,18 +40,18 @@ void Evidence::AddDrop(const UnitIndex& unit, WorkerId id, const Worker& worker)
   RecordOf(unit, id, worker);
 }
 
-void Evidence::AddLoss(const UnitIndex& unit, const std::string& party, bool witness,
-                       const std::string& error, absl::Time now) {
+void Evidence::AddLoss(const UnitIndex& unit, const std::string& party, const std::string& error,
+                       absl::Time now) {
   Record& record = records_[unit];
   record.last_error = error;
   Statement& statement = record.statements[party];
-  statement.witness = statement.witness || witness;
   statement.by_loss = true;
   CallImpossible(unit, party, &statement, now);
 }
 
 void Evidence::CallImpossible(const UnitIndex& unit, const std::string& party, Statement* statement,
                               absl::Time now) {
+  if (!FirstDispute(unit.job).has_value()) first_disputes_[unit.job] = unit;
   statement->impossible = true;
   excluded_[{unit.job, party}] = now + exclusion_;
 }
@@ -81,6 +80,13 @@ bool Evidence::IsExcluded(int64_t job, const std::string& party, absl::Time now)
   return excluded != excluded_.end() && now < excluded->second;
 }
 
+bool Evidence::IsAskedAbout(const UnitIndex& unit, const std::string& party) const {
+  const Record* const record = Find(unit);
+  if (record == nullptr || record->Parties() == 0) return false;
+  const auto own = record->statements.find(party);
+  return own == record->statements.end() || !own->second.impossible;
+}
+
 std::set<WorkerId> Evidence::FailedWorkersOf(int64_t job) const {
   std::set<WorkerId> workers;
   for (auto it = records_.lower_bound({job, {}}); it != records_.end() && it->first.job == job; ++it)
@@ -89,8 +95,19 @@ std::set<WorkerId> Evidence::FailedWorkersOf(int64_t job) const {
 }
 
 std::optional<UnitIndex> Evidence::FirstDispute(int64_t job) const {
+  if (const auto first = first_disputes_.find(job); first != first_disputes_.end()) {
+    const Record* const record = Find(first->second);
+    if (record != nullptr && record->Parties() > 0) return first->second;
+  }
   for (auto it = records_.lower_bound({job, {}}); it != records_.end() && it->first.job == job; ++it) {
     if (it->second.Parties() > 0) return it->first;
+  }
+  return std::nullopt;
+}
+
+std::optional<UnitIndex> Evidence::FirstFailure(int64_t job) const {
+  for (auto it = records_.lower_bound({job, {}}); it != records_.end() && it->first.job == job; ++it) {
+    if (it->second.failures > 0 && it->second.Parties() == 0) return it->first;
   }
   return std::nullopt;
 }
@@ -125,13 +142,6 @@ void Evidence::Erase(std::map<UnitIndex, Record>::iterator record) {
   records_.erase(record);
 }
 
-void Evidence::AddWitness(const std::string& party) {
-  for (auto& [unit, record] : records_) {
-    if (const auto own = record.statements.find(party); own != record.statements.end())
-      own->second.witness = true;
-  }
-}
-
 void Evidence::AddProcess(const std::string& party, uint64_t instance) {
   if (instance == 0) return;  // nobody knows whether it is another one
   for (auto& [unit, record] : records_) {
@@ -144,6 +154,7 @@ void Evidence::AddProcess(const std::string& party, uint64_t instance) {
 
 void Evidence::EndJob(int64_t job) {
   for (auto it = records_.lower_bound({job, {}}); it != records_.end() && it->first.job == job;) Erase(it++);
+  first_disputes_.erase(job);
   excluded_.erase(excluded_.lower_bound({job, ""}), excluded_.lower_bound({job + 1, ""}));
 }
 

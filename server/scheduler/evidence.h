@@ -29,7 +29,6 @@ class Evidence {
     int failures = 0;
     bool impossible = false;
     bool by_loss = false;
-    bool witness = false;
     uint64_t instance = 0;  // of the process that said so last, see WorkerTraits
   };
   struct Record {
@@ -43,7 +42,6 @@ class Evidence {
 
     /// Parties that call the unit impossible.
     int Parties() const;
-    int Witnesses() const;
   };
 
   explicit Evidence(const SchedulerOptions& options)
@@ -56,21 +54,28 @@ class Evidence {
   /// another one if there is one.
   void AddDrop(const UnitIndex& unit, job::WorkerId id, const Worker& worker);
   /// The unit ended the party's workers.
-  void AddLoss(const UnitIndex& unit, const std::string& party, bool witness, const std::string& error,
-               absl::Time now);
+  void AddLoss(const UnitIndex& unit, const std::string& party, const std::string& error, absl::Time now);
   /// The loss did not end the worker after all.
   void RetractLoss(const UnitIndex& unit, const std::string& party);
 
   /// Null if nothing is known against the unit; valid until the next call that changes anything.
   const Record* Find(const UnitIndex& unit) const;
+  /// The parties of Record::Parties that are witnesses.
+  int WitnessesOf(const Record& record) const;
   /// Whether the worker with this name was the last to fail or drop the unit.
   bool WasLastToFail(const UnitIndex& unit, const std::string& name) const;
-  /// Whether the party called a unit of the job impossible lately: it gets no unit of the job.
+  /// Whether the party called a unit of the job impossible lately: it gets no unit of the job, but the first
+  /// one in dispute if it is asked about that.
   bool IsExcluded(int64_t job, const std::string& party, absl::Time now) const;
+  /// Whether another party calls the unit impossible, and this one does not.
+  bool IsAskedAbout(const UnitIndex& unit, const std::string& party) const;
   /// Workers that failed or dropped free units of the job. O(such units).
   std::set<job::WorkerId> FailedWorkersOf(int64_t job) const;
-  /// The first unit of the job that a party calls impossible. O(units of the job with records).
+  /// The unit of the job that a party called impossible first, of those that are not rendered. O(units of the
+  /// job with records).
   std::optional<UnitIndex> FirstDispute(int64_t job) const;
+  /// The first one that failed and that no party calls impossible. O(the same).
+  std::optional<UnitIndex> FirstFailure(int64_t job) const;
 
   /// When the unit, which has a record, is to be judged again.
   void SetDue(const UnitIndex& unit, absl::Time due);
@@ -80,8 +85,9 @@ class Evidence {
 
   /// The unit is rendered: what was said against it is forgotten. Returns the workers that said it.
   std::set<job::WorkerId> Refute(const UnitIndex& unit);
-  /// The party has delivered its first unit; what it said before counts as that of a witness. O(records).
-  void AddWitness(const std::string& party);
+  /// The party has delivered a unit. What it says of others counts as that of a witness, also what it said
+  /// before.
+  void AddWitness(const std::string& party) { witnesses_.insert(party); }
   /// A process of the party has connected. What another one reported as impossible this one may render; what
   /// it reported itself before its connection broke holds. O(records).
   void AddProcess(const std::string& party, uint64_t instance);
@@ -94,8 +100,10 @@ class Evidence {
 
   const int max_failures_;
   const absl::Duration exclusion_;
+  std::set<std::string> witnesses_;  // parties
   std::map<UnitIndex, Record> records_;
   std::set<std::pair<absl::Time, UnitIndex>> due_;
+  std::map<int64_t, UnitIndex> first_disputes_;                     // by job; some are settled
   std::map<std::pair<int64_t, std::string>, absl::Time> excluded_;  // job and party, until when
 };
 

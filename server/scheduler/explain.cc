@@ -147,6 +147,21 @@ void ExplainFailures(const State& state, const Job& job, absl::Time now, std::ve
                                                 job::Describe(state.jobs.RefOf({job.number, longest->place})),
                                                 ", for ", Seconds(longest->end - now))});
   }
+  const std::optional<UnitIndex> failed = state.evidence.FirstFailure(job.number);
+  if (failed.has_value() && state.backoffs.CountOf(job.number) == 0) {
+    const Evidence::Record& record = *state.evidence.Find(*failed);
+    reasons->push_back(
+        {"failures", absl::StrCat(job::Describe(state.jobs.RefOf(*failed)), " has failed ", record.failures,
+                                  record.failures == 1 ? " time" : " times", ", the last time on worker ",
+                                  record.last_worker, " (", record.last_error, "), and is tried again")});
+  }
+  if (const std::optional<UnitIndex> lost = state.quarantine.FirstLossOf(job.number); lost.has_value()) {
+    const Quarantine::Losses& losses = state.quarantine.LossesOf(*lost);
+    reasons->push_back(
+        {"losses", absl::StrCat(losses.size(), losses.size() == 1 ? " worker was" : " workers were",
+                                " lost with ", job::Describe(state.jobs.RefOf(*lost)), ", the first of ",
+                                *losses.begin(), "; it is tried again")});
+  }
   const std::set<UnitIndex>& quarantined = state.quarantine.waiting();
   const auto first = quarantined.lower_bound({job.number, {}});
   if (first != quarantined.end() && first->job == job.number) {
@@ -181,7 +196,7 @@ void ExplainDispute(const State& state, const Job& job, absl::Time now, std::vec
   std::string next = "another worker is asked";
   if (!Disputes::CanAskAnother(state, *unit)) {
     next =
-        record.Witnesses() > 0 || record.Parties() > 1
+        state.evidence.WitnessesOf(record) > 0 || record.Parties() > 1
             ? absl::StrCat("the job fails in ", Seconds(record.due - now), " unless another worker connects")
             : absl::StrCat("the job waits for another worker, because this one has delivered nothing yet");
   }

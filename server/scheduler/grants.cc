@@ -77,8 +77,8 @@ void Grants::GrantTo(WorkerId worker, absl::Time now, std::vector<GrantedLease>*
 }
 
 std::optional<Grants::Taken> Grants::TakeUnit(Job& job, WorkerId worker, SkipBudget* budget) {
-  if (IsExcluded(job.number, *state_->workers.Find(worker))) return std::nullopt;
   if (const auto place = TakeReturnedUnit(job, worker, budget); place.has_value()) return Taken{*place};
+  if (IsExcluded(job.number, *state_->workers.Find(worker))) return std::nullopt;
   const std::string& name = state_->workers.Find(worker)->traits.name;
   if (const auto place = state_->audits.Take(job.number, name); place.has_value())
     return Taken{*place, /*audit=*/true};
@@ -94,6 +94,10 @@ bool Grants::MayLease(const UnitIndex& unit, WorkerId worker) const {
   for (const Attempt attempt : state_->leases.OfUnit(unit)) {
     if (state_->leases.Find(attempt)->worker == worker) return false;
   }
+  const Worker& asked = *state_->workers.Find(worker);
+  const bool may_ask = state_->evidence.FirstDispute(unit.job) == unit &&
+                       state_->evidence.IsAskedAbout(unit, asked.traits.party);
+  if (IsExcluded(unit.job, asked) && !may_ask) return false;
   return !state_->evidence.WasLastToFail(unit, state_->workers.Find(worker)->traits.name) ||
          !state_->workers.HasOther(worker, state_->ready.RequirementOf(unit.job));
 }
@@ -158,9 +162,8 @@ void Grants::GrantSecond(absl::Time now, std::vector<GrantedLease>* granted) {
 
 bool Grants::IsWorthASecondLease(const Lease& lease, WorkerId worker, absl::Time now) const {
   const Job& job = state_->jobs.Get(lease.unit.job);
-  return !job.paused && !job.leases.IsFull() && !IsExcluded(job.number, *state_->workers.Find(worker)) &&
-         !job.free.returned().contains(lease.unit.place) && !state_->quarantine.IsSuspect(lease.unit) &&
-         MayLease(lease.unit, worker) &&
+  return !job.paused && !job.leases.IsFull() && !job.free.returned().contains(lease.unit.place) &&
+         !state_->quarantine.IsSuspect(lease.unit) && MayLease(lease.unit, worker) &&
          state_->second_leases.IsWorthwhile(lease, state_->KindOf(lease.unit),
                                             state_->workers.Find(worker)->slowness, now);
 }

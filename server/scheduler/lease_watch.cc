@@ -148,18 +148,16 @@ bool LeaseWatch::ReturnOverdue(const UnitIndex& unit) {
 void LeaseWatch::CountLoss(const Lease& lease) {
   if (lease.audit || !lease.received) return;  // a worker has rendered the unit; or this one did not begin it
   const Worker& worker = *state_->workers.Find(lease.worker);
-  state_->quarantine.AddLoss(lease.unit, worker.traits.party, worker.units.done > 0);
+  state_->quarantine.AddLoss(lease.unit, worker.traits.party);
   if (!lease.alone) return;
   const Quarantine::Losses losses = state_->quarantine.LossesOf(lease.unit);
   std::vector<std::string> names;
-  for (auto it = losses.begin(); it != losses.end(); it = losses.upper_bound(it->first))
-    names.push_back(it->first);
+  for (auto it = losses.begin(); it != losses.end(); it = losses.upper_bound(*it)) names.push_back(*it);
   if (names.size() > kMaxNames) names.resize(kMaxNames);
   const std::string error =
       absl::StrCat(Describe(state_->jobs.RefOf(lease.unit)), ": workers were lost with it ", losses.size(),
                    " times, the last one while it rendered nothing else: ", absl::StrJoin(names, ", "));
-  for (const auto& [party, witness] : losses)
-    state_->evidence.AddLoss(lease.unit, party, witness, error, state_->latest);
+  for (const std::string& party : losses) state_->evidence.AddLoss(lease.unit, party, error, state_->latest);
   disputes_->Judge(lease.unit, state_->latest);
 }
 

@@ -16,9 +16,7 @@ constexpr int kMaxCandidates = 16;
 
 }  // namespace
 
-void Quarantine::AddLoss(const UnitIndex& unit, const std::string& party, bool witness) {
-  losses_[unit].emplace(party, witness);
-}
+void Quarantine::AddLoss(const UnitIndex& unit, const std::string& party) { losses_[unit].insert(party); }
 
 const Quarantine::Losses& Quarantine::LossesOf(const UnitIndex& unit) const {
   static const auto* const none = new Losses;
@@ -26,11 +24,18 @@ const Quarantine::Losses& Quarantine::LossesOf(const UnitIndex& unit) const {
   return found == losses_.end() ? *none : found->second;
 }
 
+std::optional<UnitIndex> Quarantine::FirstLossOf(int64_t job) const {
+  for (auto it = losses_.lower_bound({job, {}}); it != losses_.end() && it->first.job == job; ++it) {
+    if (!it->second.empty()) return it->first;
+  }
+  return std::nullopt;
+}
+
 bool Quarantine::IsSuspect(const UnitIndex& unit) const {
   const Losses& losses = LossesOf(unit);
   if (static_cast<int>(losses.size()) >= 2 * max_lost_workers_) return true;
   int parties = 0;
-  for (auto it = losses.begin(); it != losses.end(); it = losses.upper_bound(it->first)) ++parties;
+  for (auto it = losses.begin(); it != losses.end(); it = losses.upper_bound(*it)) ++parties;
   return parties >= max_lost_workers_;
 }
 

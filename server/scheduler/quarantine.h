@@ -27,12 +27,14 @@ class Quarantine {
   Quarantine(int max_lost_workers, WorkerPool* workers)
       : max_lost_workers_(max_lost_workers), workers_(workers) {}
 
-  /// Parties that lost workers with a unit, once for each loss, and whether the worker was a witness.
-  using Losses = std::multimap<std::string, bool>;
+  /// Parties that lost workers with a unit, once for each loss.
+  using Losses = std::multiset<std::string>;
 
   /// A worker of this party was lost with the unit.
-  void AddLoss(const UnitIndex& unit, const std::string& party, bool witness);
+  void AddLoss(const UnitIndex& unit, const std::string& party);
   const Losses& LossesOf(const UnitIndex& unit) const;
+  /// The first unit of the job with which workers were lost.
+  std::optional<UnitIndex> FirstLossOf(int64_t job) const;
   /// O(losses of the unit).
   bool IsSuspect(const UnitIndex& unit) const;
   /// The process with this WorkerTraits::instance, which was counted as lost with the unit, may come back.

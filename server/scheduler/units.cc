@@ -65,7 +65,7 @@ void Units::OnAccepted(const Lease& lease, const UnitCost& cost, absl::Time now)
   });
   CountTime(lease, now);
   if (const Worker& worker = *state_->workers.Find(lease.worker); worker.units.done == 1)
-    state_->evidence.AddWitness(worker.traits.party);
+    state_->evidence.AddWitness(worker.traits.party);  // of later connections, too
   for (const WorkerId failed : state_->evidence.Refute(lease.unit)) {
     if (failed != lease.worker) state_->health.Attribute(failed, lease.unit.job, now);
   }

@@ -35,6 +35,9 @@ class Workers {
     return watch_->Heartbeat(worker, held, newest, now);
   }
 
+  /// The party delivered units before a restart, see Evidence.
+  void AddWitness(const std::string& party) { state_->evidence.AddWitness(party); }
+
   /// Grants the worker no more leases; it finishes those it has.
   void Drain(job::WorkerId worker);
   /// The worker takes no leases for now, or takes them again: then `reason` is empty.

@@ -28,6 +28,7 @@ v1::UnitStats StoredStats(const v1::UnitStats& delivered) {
   for (const float value : delivered.camera().world_to_camera())
     stats.mutable_camera()->add_world_to_camera(value);
   for (const float value : delivered.camera().world_to_ndc()) stats.mutable_camera()->add_world_to_ndc(value);
+  stats.set_catches_shadows(delivered.catches_shadows());
   stats.set_environment(rpc::BoundedLine(delivered.environment(), rpc::kMaxObjectNameBytes));
   for (const v1::SceneObject& object : delivered.objects()) {
     v1::SceneObject* const stored = stats.add_objects();

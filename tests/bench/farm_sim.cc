@@ -13,8 +13,10 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "server/job/tile_grid.h"
 #include "server/scheduler/scheduler.h"
+#include "tests/bench/share_window.h"
 
 namespace lumifold::sim {
 namespace {
@@ -34,8 +36,8 @@ constexpr absl::Duration kLimit = absl::Hours(100);
 
 constexpr double kStraggler = 10;
 
-/// A share of a user whose slots are fewer than this is not compared: one unit more or less is no unfairness.
-constexpr double kLeastSlots = 20;
+/// After which a process that has ended is followed by the next one, which its machine starts.
+constexpr absl::Duration kRestart = absl::Seconds(5);
 
 struct SimJob {
   JobId id;
@@ -47,6 +49,7 @@ struct SimJob {
   int64_t leased = 0;  // for the first time
   bool submitted = false;
   bool ended = false;
+  bool is_bad = false;
   absl::Time submitted_at;
 
   bool HasFreeUnits() const { return submitted && !ended && leased < total; }
@@ -55,14 +58,27 @@ struct SimJob {
 struct SimWorker {
   std::string name;
   double speed = 1;
-  bool lies = false;
+  bool is_bad = false;
   int64_t generation = 0;  // of its present connection
   std::deque<int> scenes;  // jobs, the last used first
   std::map<int64_t, GrantedLease> leases;
   std::set<int64_t> hung;  // attempts
 };
 
-enum class Event { kSubmit, kFinish, kDeliver, kCommit, kFrame, kHeartbeat, kDie, kReboot, kTick };
+enum class Event {
+  kSubmit,
+  kAnswer,
+  kFinish,
+  kFail,
+  kDeliver,
+  kCommit,
+  kFrame,
+  kHeartbeat,
+  kDie,
+  kCrash,
+  kReboot,
+  kTick,
+};
 
 struct Item {
   absl::Time time;
@@ -78,7 +94,10 @@ struct Item {
 class Farm {
  public:
   explicit Farm(const FarmSettings& settings)
-      : settings_(settings), random_(settings.seed), scheduler_(scheduler::SchedulerOptions{}) {
+      : settings_(settings),
+        random_(settings.seed),
+        scheduler_(scheduler::SchedulerOptions{}),
+        shares_(settings.users, absl::ToDoubleSeconds(settings.window)) {
     bytes_before_ = static_cast<int64_t>(mallinfo2().uordblks);
     scheduler_.frames().SetMaxActive(settings.max_active_frames);
     MakeJobs();
@@ -149,6 +168,7 @@ class Farm {
       job.id = JobId(absl::StrCat("j-", i));
       job.user = i % settings_.users;
       job.priority = i % 5 == 0 ? settings_.high_priority : 0;
+      job.is_bad = i < settings_.bad_jobs;
       job.weight = std::exp2(job.priority / 10.0);
       job.mean_seconds = absl::ToDoubleSeconds(settings_.mean_unit) * settings_.unit_scale *
                          LogUniform(settings_.job_spread);
@@ -159,8 +179,6 @@ class Farm {
       jobs_.push_back(std::move(job));
       Push(settings_.arrivals * turn, Event::kSubmit, i, 0);
     }
-    used_.resize(static_cast<size_t>(settings_.users));
-    had_work_.assign(static_cast<size_t>(settings_.users), false);
     for (int i = 0; i < settings_.jobs; ++i) {
       for (int frame = 0; frame < spec_.frame_count(); ++frame) {
         for (int64_t number = 0; number < units_->count(); ++number) {
@@ -177,9 +195,13 @@ class Farm {
       SimWorker worker;
       worker.name = absl::StrCat("host-", i);
       worker.speed = LogUniform(1 / settings_.slowest);
-      worker.lies = i < settings_.liars;
+      worker.is_bad = i < settings_.bad_machines;
       workers_.push_back(std::move(worker));
-      Connect(i);
+      if (i < settings_.bad_machines || settings_.alone == absl::ZeroDuration()) {
+        Connect(i);
+      } else {
+        Push(settings_.alone, Event::kReboot, i, 0);
+      }
     }
   }
 
@@ -203,7 +225,10 @@ class Farm {
     worker_of_[worker.generation] = index;
     Timed([&] {
       scheduler_.workers().Add(WorkerId(worker.generation),
-                               {.name = worker.name, .numeric_class = "avx2", .slots = settings_.slots});
+                               {.name = worker.name,
+                                .numeric_class = "avx2",
+                                .instance = static_cast<uint64_t>(worker.generation),
+                                .slots = settings_.slots});
     });
     Push(settings_.heartbeat * Uniform(), Event::kHeartbeat, worker.generation, 0);
     Push(settings_.mean_life * Exponential(), Event::kDie, worker.generation, 0);
@@ -220,6 +245,10 @@ class Farm {
         return Submit(static_cast<int>(item.subject));
       case Event::kFinish:
         return Finish(item.subject, item.detail);
+      case Event::kAnswer:
+        return Answer(item.subject, item.detail);
+      case Event::kFail:
+        return Fail(item.subject, item.detail);
       case Event::kDeliver:
         return Deliver(item.subject, item.detail);
       case Event::kCommit:
@@ -229,7 +258,9 @@ class Farm {
       case Event::kHeartbeat:
         return Heartbeat(item.subject);
       case Event::kDie:
-        return Die(item.subject);
+        return Die(item.subject, settings_.reboot);
+      case Event::kCrash:
+        return Crash(item.subject, item.detail);
       case Event::kReboot:
         Connect(item.subject);
         return Grant();
@@ -252,6 +283,7 @@ class Farm {
   }
 
   void Grant() {
+    EndFailedJobs();
     for (const GrantedLease& lease : Timed([&] { return scheduler_.GrantLeases(now_); })) Start(lease);
     for (const auto& revoked : scheduler_.units().TakeRevoked()) {
       SimWorker* worker = Connected(revoked.worker.value());
@@ -274,7 +306,9 @@ class Farm {
     SimWorker& worker = *Connected(lease.worker.value());
     worker.leases.emplace(lease.attempt.value(), lease);
     began_[lease.attempt.value()] = now_;
-    if (Uniform() < settings_.hang_share) {
+    Push(settings_.network, Event::kAnswer, lease.worker.value(), lease.attempt.value());
+    if (Uniform() < settings_.hang_share || Does(worker, Misdeed::kHangs)) {
+      if (worker.is_bad) ++result_.spoiled_by_machines;
       worker.hung.insert(lease.attempt.value());
       return;
     }
@@ -282,7 +316,29 @@ class Farm {
     if (Uniform() < settings_.straggler_share) seconds *= kStraggler;
     absl::Duration time = absl::Seconds(seconds) + settings_.network * Uniform();
     if (Load(worker, index)) time += settings_.scene_load;
-    Push(time, Event::kFinish, lease.worker.value(), lease.attempt.value());
+    const Event end = EndOf(worker, job, &time);
+    Push(time, end, lease.worker.value(), lease.attempt.value());
+  }
+
+  bool Does(const SimWorker& worker, Misdeed misdeed) const {
+    return worker.is_bad && settings_.misdeed == misdeed;
+  }
+
+  /// What becomes of a lease that takes `time` to render; it may end earlier.
+  Event EndOf(const SimWorker& worker, const SimJob& job, absl::Duration* time) {
+    const bool calls_impossible =
+        Does(worker, Misdeed::kFailsAll) || (Does(worker, Misdeed::kFailsOneScene) && &job == &jobs_[0]);
+    const bool fails = calls_impossible || Does(worker, Misdeed::kFailsSlowly);
+    if (fails || Does(worker, Misdeed::kDies)) {
+      ++result_.spoiled_by_machines;
+      if (calls_impossible) *time = 2 * settings_.network;
+      if (!fails) *time *= Uniform();
+      return fails ? Event::kFail : Event::kCrash;
+    }
+    if (!job.is_bad) return Event::kFinish;
+    ++result_.spoiled_by_jobs;
+    *time *= Uniform();
+    return settings_.badness == BadJob::kFails ? Event::kFail : Event::kCrash;
   }
 
   /// Whether the worker has to load the job's scene.
@@ -309,8 +365,40 @@ class Farm {
     const auto began = began_.find(attempt);
     const SimJob& paying = jobs_[static_cast<size_t>(numbers_.at(job))];
     const absl::Time from = std::max(began->second, window_end_ - settings_.window);
-    used_[static_cast<size_t>(paying.user)] += absl::ToDoubleSeconds(now_ - from);
+    shares_.Use(paying.user, absl::ToDoubleSeconds(now_ - from));
     began_.erase(began);
+  }
+
+  /// The worker has received the lease, and says so.
+  void Answer(int64_t generation, int64_t attempt) {
+    const SimWorker* worker = Connected(generation);
+    if (worker == nullptr || !worker->leases.contains(attempt)) return;
+    const scheduler::HeldLease held{worker->leases.at(attempt).unit, Attempt(attempt), 0};
+    Timed([&] { scheduler_.workers().Heartbeat(WorkerId(generation), {held}, Attempt(0), now_); });
+  }
+
+  void Fail(int64_t generation, int64_t attempt) {
+    SimWorker* worker = Connected(generation);
+    if (worker == nullptr || !worker->leases.contains(attempt)) return;
+    const GrantedLease lease = worker->leases.at(attempt);
+    Stop(*worker, attempt);
+    Timed([&] {
+      const scheduler::UnitFailure failure{.permanent = !Does(*worker, Misdeed::kFailsSlowly),
+                                           .error = "made up"};
+      return scheduler_.units().Fail(WorkerId(generation), lease.unit, lease.attempt, failure, now_);
+    });
+    Grant();
+  }
+
+  void EndFailedJobs() {
+    for (const scheduler::FailedJob& failed : scheduler_.TakeFailedJobs()) {
+      SimJob& job = jobs_[static_cast<size_t>(numbers_.at(failed.job))];
+      if (job.ended) continue;
+      scheduler_.jobs().End(job.id);
+      job.ended = true;
+      ++ended_jobs_;
+      ++(job.is_bad ? result_.bad_failed : result_.innocent_failed);
+    }
   }
 
   void Finish(int64_t generation, int64_t attempt) {
@@ -324,7 +412,8 @@ class Farm {
     if (worker == nullptr || !worker->leases.contains(attempt)) return;
     const GrantedLease lease = worker->leases.at(attempt);
     Stop(*worker, attempt);
-    const bool wrong = worker->lies && Uniform() < 0.5;
+    const bool wrong = Does(*worker, Misdeed::kLies) && Uniform() < 0.5;
+    if (wrong) ++result_.spoiled_by_machines;
     const std::string digest = wrong ? absl::StrCat("wrong ", attempt) : "right";
     const Completion completion = Timed([&] {
       return scheduler_.units().Complete(WorkerId(generation), lease.unit, lease.attempt, now_, digest);
@@ -392,7 +481,16 @@ class Farm {
     Push(settings_.heartbeat, Event::kHeartbeat, generation, 0);
   }
 
-  void Die(int64_t generation) {
+  void Crash(int64_t generation, int64_t attempt) {
+    const SimWorker* worker = Connected(generation);
+    if (worker == nullptr || !worker->leases.contains(attempt)) return;
+    const SimJob& job = jobs_[static_cast<size_t>(numbers_.at(worker->leases.at(attempt).unit.job))];
+    if (job.ended) return;
+    if (job.is_bad) ++result_.workers_ended;
+    Die(generation, kRestart);
+  }
+
+  void Die(int64_t generation, absl::Duration pause) {
     SimWorker* worker = Connected(generation);
     if (worker == nullptr) return;
     ++result_.deaths;
@@ -401,7 +499,7 @@ class Farm {
     worker->scenes.clear();
     const int64_t index = worker_of_.at(generation);
     worker_of_.erase(generation);
-    Push(settings_.reboot, Event::kReboot, index, 0);
+    Push(pause, Event::kReboot, index, 0);
     Grant();
   }
 
@@ -412,6 +510,10 @@ class Farm {
     Grant();
     for (const SimJob& job : jobs_) {
       if (job.HasFreeUnits()) CountWait(job);
+    }
+    if (now_ == kStart + absl::Minutes(1)) {
+      result_.reasons = absl::StrJoin(scheduler_.Explain(jobs_[0].id, now_), " ",
+                                      [](std::string* text, const auto& reason) { *text += reason.code; });
     }
     if (++ticks_ % 64 == 0) {
       const int64_t own = static_cast<int64_t>(first_leased_.size() * kFirstLeasedBytes);
@@ -429,39 +531,20 @@ class Farm {
     result_.waited_at = now_ - kStart;
   }
 
-  void CountShare(double deviation) {
-    if (std::abs(deviation) <= result_.unfairness) return;
-    result_.unfairness = std::abs(deviation);
-    result_.unfair_at = window_end_ - kStart;
-  }
-
   /// Compares the shares of the users that had free units at both ends of the window.
   void CloseWindow() {
     for (const auto& [generation, index] : worker_of_) {
       for (const auto& [attempt, lease] : workers_[static_cast<size_t>(index)].leases) {
         const absl::Time from = std::max(began_.at(attempt), window_end_ - settings_.window);
-        used_[static_cast<size_t>(jobs_[static_cast<size_t>(numbers_.at(lease.unit.job))].user)] +=
-            absl::ToDoubleSeconds(window_end_ - from);
+        shares_.Use(jobs_[static_cast<size_t>(numbers_.at(lease.unit.job))].user,
+                    absl::ToDoubleSeconds(window_end_ - from));
       }
     }
-    const std::vector<double> weights = Weights();
-    double used = 0;
-    double weight = 0;
-    for (size_t user = 0; user < used_.size(); ++user) {
-      if (weights[user] == 0 || !had_work_[user]) continue;
-      used += used_[user];
-      weight += weights[user];
+    const double unfairness = shares_.Close(Weights());
+    if (unfairness > result_.unfairness) {
+      result_.unfairness = unfairness;
+      result_.unfair_at = window_end_ - kStart;
     }
-    for (size_t user = 0; user < used_.size(); ++user) {
-      if (weights[user] > 0 && had_work_[user]) {
-        const double share = used * weights[user] / weight;
-        if (share / absl::ToDoubleSeconds(settings_.window) >= kLeastSlots)
-          CountShare(used_[user] / share - 1);
-      }
-      had_work_[user] = weights[user] > 0 && weights[user] == last_weights_[user];
-      used_[user] = 0;
-    }
-    last_weights_ = weights;
     window_end_ += settings_.window;
   }
 
@@ -469,7 +552,6 @@ class Farm {
   /// none, the weight counts all active jobs, so that the window is left out.
   std::vector<double> Weights() {
     std::vector<double> weights(static_cast<size_t>(settings_.users));
-    last_weights_.resize(weights.size());
     std::vector<bool> has_free(weights.size());
     for (const SimJob& job : jobs_) {
       const auto user = static_cast<size_t>(job.user);
@@ -512,9 +594,7 @@ class Farm {
   std::set<UnitRef> wrong_;
   std::set<std::string> faulty_;
   absl::Time window_end_;
-  std::vector<double> used_;  // slot seconds in this window, by user
-  std::vector<bool> had_work_;
-  std::vector<double> last_weights_;
+  ShareWindow shares_;
 };
 
 }  // namespace

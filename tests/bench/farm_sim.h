@@ -1,13 +1,27 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <string>
-#include <vector>
 
 #include "absl/time/time.h"
 
 namespace lumifold::sim {
+
+/// What is wrong with a machine.
+enum class Misdeed {
+  kFailsAll,       // calls every unit impossible as soon as it has it
+  kFailsSlowly,    // renders every unit and then fails it, not for good
+  kFailsOneScene,  // calls the units of the first job impossible
+  kDies,           // with every unit that it gets; its next process connects a few seconds later
+  kHangs,          // sends heartbeats, but its units make no progress
+  kLies,           // delivers wrong pixels in half of its units
+};
+
+/// What is wrong with a job that no machine can render.
+enum class BadJob {
+  kFails,    // its units are reported as impossible
+  kCrashes,  // its units end their workers
+};
 
 /// A farm to simulate. Times are virtual. Equal settings give equal results on every machine.
 struct FarmSettings {
@@ -48,8 +62,14 @@ struct FarmSettings {
   /// Every fifth job has this priority, all others 0.
   int high_priority = 0;
   double audit_share = 0;
-  /// Workers that deliver wrong pixels.
-  int liars = 0;
+  /// So many of the workers do this.
+  int bad_machines = 0;
+  Misdeed misdeed = Misdeed::kLies;
+  /// They are alone for this long; then the good ones connect.
+  absl::Duration alone = absl::ZeroDuration();
+  /// So many of the jobs, the first ones, are like this.
+  int bad_jobs = 0;
+  BadJob badness = BadJob::kFails;
   /// Units are this many times larger and fewer: what a choice of larger tiles would do.
   double unit_scale = 1;
   /// Window over which shares are compared.
@@ -83,6 +103,16 @@ struct FarmResult {
   int64_t calls = 0;
   double scheduler_seconds = 0;
   int64_t scheduler_bytes = 0;  // allocated at its peak, as malloc counts
+  /// Jobs that failed though a good machine can render them, and others.
+  int innocent_failed = 0;
+  int bad_failed = 0;
+  /// Leases of bad machines, other than those that they delivered with the right pixels; the same of bad
+  /// jobs, and the workers that these ended.
+  int64_t spoiled_by_machines = 0;
+  int64_t spoiled_by_jobs = 0;
+  int64_t workers_ended = 0;
+  /// What Explain says of the first job after a minute: the codes of its reasons.
+  std::string reasons;
   int faulty_found = 0;
   int64_t units_redone = 0;  // revoked, of faulty workers
   int64_t wrong_units = 0;   // wrong pixels in finished frames

@@ -8,6 +8,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
+#include "tests/bench/evidence_farm.h"
 #include "tests/bench/farm_sim.h"
 #include "tests/bench/finish_sim.h"
 
@@ -63,9 +64,47 @@ void PrintFinishing() {
   }
 }
 
+/// The table of docs/scale.md: what a bad machine and a bad job cost.
+void PrintEvidence() {
+  std::cout
+      << "| bad machine | alone for | innocent jobs failed | leases that it spoiled | makespan | reasons "
+         "after a minute |\n|---|---|---|---|---|---|\n";
+  const FarmResult good = Simulate(EvidenceFarm());
+  std::cout << absl::StrFormat("| none | | %d | 0 | %.2f | |\n", good.innocent_failed,
+                               absl::FDivDuration(good.makespan, good.ideal));
+  for (const auto& [misdeed, name] : kMisdeeds) {
+    for (const absl::Duration alone : {absl::ZeroDuration(), AloneFor(misdeed)}) {
+      FarmSettings settings = EvidenceFarm();
+      settings.bad_machines = 1;
+      settings.misdeed = misdeed;
+      settings.alone = alone;
+      const FarmResult result = Simulate(settings);
+      std::cout << absl::StrFormat("| %s | %.0f s | %d | %d | %.2f | %s |\n", name,
+                                   absl::ToDoubleSeconds(alone), result.innocent_failed,
+                                   result.spoiled_by_machines,
+                                   absl::FDivDuration(result.makespan - alone, result.ideal), result.reasons);
+    }
+  }
+  std::cout
+      << "\n| bad job | leases of it | workers that it ended | innocent jobs failed |\n|---|---|---|---|\n";
+  for (const auto& [badness, name] :
+       {std::pair{BadJob::kFails, "fails"}, std::pair{BadJob::kCrashes, "crashes"}}) {
+    FarmSettings settings = EvidenceFarm();
+    settings.bad_jobs = 1;
+    settings.badness = badness;
+    const FarmResult result = Simulate(settings);
+    std::cout << absl::StrFormat("| %s | %d | %d | %d |\n", name, result.spoiled_by_jobs,
+                                 result.workers_ended, result.innocent_failed);
+  }
+}
+
 int Main(int argc, char** argv) {
   if (argc == 2 && std::string(argv[1]) == "--finishing") {
     PrintFinishing();
+    return EXIT_SUCCESS;
+  }
+  if (argc == 2 && std::string(argv[1]) == "--evidence") {
+    PrintEvidence();
     return EXIT_SUCCESS;
   }
   FarmSettings settings;
@@ -85,7 +124,7 @@ int Main(int argc, char** argv) {
       {"--arrivals", [&](double x) { settings.arrivals = absl::Seconds(x); }},
       {"--priority", [&](double x) { settings.high_priority = static_cast<int>(x); }},
       {"--audits", [&](double x) { settings.audit_share = x; }},
-      {"--liars", [&](double x) { settings.liars = static_cast<int>(x); }},
+      {"--liars", [&](double x) { settings.bad_machines = static_cast<int>(x); }},
       {"--scene-load", [&](double x) { settings.scene_load = absl::Seconds(x); }},
       {"--max-frames", [&](double x) { settings.max_active_frames = static_cast<int>(x); }},
   };
@@ -93,8 +132,8 @@ int Main(int argc, char** argv) {
     const auto option = options.find(argv[i]);
     double value = 0;
     if (option == options.end() || i + 1 == argc || !absl::SimpleAtod(argv[i + 1], &value)) {
-      std::cerr << "farm-sim: expected --finishing, or pairs of an option and a number; got '" << argv[i]
-                << "'. Options:";
+      std::cerr << "farm-sim: expected --finishing, --evidence, or pairs of an option and a number; got '"
+                << argv[i] << "'. Options:";
       for (const auto& [name, set] : options) std::cerr << " " << name;
       std::cerr << "\n";
       return EXIT_FAILURE;

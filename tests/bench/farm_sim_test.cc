@@ -1,6 +1,10 @@
 // A short simulation with the promises of docs/scale.md.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <utility>
+
+#include "tests/bench/evidence_farm.h"
 #include "tests/bench/farm_sim.h"
 #include "tests/bench/finish_sim.h"
 
@@ -41,13 +45,77 @@ TEST(FarmSim, TheSameSeedPlaysTheSameFarm) {
 TEST(FarmSim, AuditsFindTheFaultyWorkersAndTheirUnitsAreRenderedAgain) {
   FarmSettings settings = Small();
   settings.audit_share = 0.5;
-  settings.liars = 5;
+  settings.bad_machines = 5;
   settings.units = 20'000;
   settings.frames_per_job = 1;
   const FarmResult result = Simulate(settings);
   ASSERT_TRUE(result.finished);
   EXPECT_EQ(result.faulty_found, 5);
   EXPECT_GT(result.units_redone, 0);
+}
+
+// The evidence rule of docs/decisions/0014-leases.md, over a queue of jobs.
+
+struct EvidenceCase {
+  FarmSettings settings = EvidenceFarm();
+  FarmResult Run() {
+    settings.units = 2'000;
+    return Simulate(settings);
+  }
+};
+
+TEST(Evidence, ABadMachineFailsNoJobThatAnotherOneRenders) {
+  for (const auto& [misdeed, name] : kMisdeeds) {
+    for (const absl::Duration alone : {absl::ZeroDuration(), AloneFor(misdeed)}) {
+      EvidenceCase farm;
+      farm.settings.bad_machines = 1;
+      farm.settings.misdeed = misdeed;
+      farm.settings.alone = alone;
+      const FarmResult result = farm.Run();
+      ASSERT_TRUE(result.finished) << name << " alone for " << alone;
+      EXPECT_EQ(result.innocent_failed, 0) << name << " alone for " << alone;
+      EXPECT_GT(result.spoiled_by_machines, 0) << name;
+      // It costs the farm itself, and the last units' second leases.
+      EXPECT_LE(result.makespan - alone, 1.35 * result.ideal) << name << " alone for " << alone;
+    }
+  }
+}
+
+TEST(Evidence, ALoneBadMachineIsNamedWithinAMinute) {
+  for (const auto& [misdeed, expected] :
+       {std::pair{Misdeed::kFailsAll, "second_opinion"}, std::pair{Misdeed::kFailsSlowly, "failures|backoff"},
+        std::pair{Misdeed::kDies, "losses"}, std::pair{Misdeed::kHangs, "no_progress"}}) {
+    EvidenceCase farm;
+    farm.settings.bad_machines = 1;
+    farm.settings.misdeed = misdeed;
+    farm.settings.alone = absl::Minutes(2);
+    EXPECT_THAT(farm.Run().reasons, ::testing::ContainsRegex(expected));
+  }
+}
+
+TEST(Evidence, AMachineThatLiesIsFoundOnceOthersCanCompare) {
+  EvidenceCase farm;
+  farm.settings.bad_machines = 1;
+  farm.settings.misdeed = Misdeed::kLies;
+  farm.settings.audit_share = 0.3;
+  EXPECT_EQ(farm.Run().faulty_found, 1);
+}
+
+TEST(Evidence, ABadJobCostsAWaveOfLeases) {
+  for (const BadJob badness : {BadJob::kFails, BadJob::kCrashes}) {
+    EvidenceCase farm;
+    farm.settings.bad_jobs = 1;
+    farm.settings.badness = badness;
+    const FarmResult result = farm.Run();
+    ASSERT_TRUE(result.finished);
+    EXPECT_EQ(result.bad_failed, 1);
+    EXPECT_EQ(result.innocent_failed, 0);
+    const int slots = farm.settings.workers * farm.settings.slots;
+    if (badness == BadJob::kFails) {
+      EXPECT_LE(result.spoiled_by_jobs, slots + 2);
+    }
+    EXPECT_LE(result.workers_ended, 2 * farm.settings.workers);
+  }
 }
 
 TEST(FinishSim, WorkersThatFinishGrowTheFarmPastItsCoordinator) {

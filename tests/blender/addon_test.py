@@ -131,14 +131,17 @@ class Passes(BlenderTest):
     }
 
     def test_passes_transparency_and_border(self):
-        passes, transparent, part = self.render_each(
+        passes, transparent, part, shadow = self.render_each(
             ("world", {"settings": {"samples": 8, "pass_reflection": True}, "cycles": 4}),
             ("world", {"settings": {"samples": 8}, "render": {"film_transparent": True}, "cycles": 64}),
-            ("world", {"settings": {"samples": 32}, "render": self.BORDER, "cycles": 32}))
+            ("world", {"settings": {"samples": 32}, "render": self.BORDER, "cycles": 32}),
+            ("catcher", {"settings": {"samples": 64}, "render": {"film_transparent": True}, "cycles": 64}))
         with self.subTest("all passes have the size and the meaning of Blender's"):
             self.check_passes(passes)
         with self.subTest("transparent film"):
             self.check_transparent_film(transparent)
+        with self.subTest("a catcher shows shadows alone"):
+            self.check_catcher(shadow)
         with self.subTest("a border gives a part"):
             self.check_border(part)
 
@@ -165,6 +168,13 @@ class Passes(BlenderTest):
         for name in COMBINED:
             wrong = sum(abs(a - b) > 0.1 for a, b in zip(ours[name], cycles[name])) / (WIDTH * HEIGHT)
             self.assertLess(wrong, 0.03, name)
+
+    def check_catcher(self, folder):
+        ours, cycles = (picture(folder, name).channels for name in ("lumifold", "cycles"))
+        pairs = list(zip(ours[COMBINED[3]], cycles[COMBINED[3]]))
+        self.assertLess(abs(sum(a - b for a, b in pairs)) / len(pairs), 0.01)
+        self.assertLess(sum(abs(a - b) > 0.15 for a, b in pairs) / len(pairs), 0.03)
+        self.assertGreater(sum(0.2 < a < 0.8 for a, _ in pairs), 50, "the shadow is soft")
 
     def check_border(self, folder):
         ours, cycles = picture(folder), picture(folder, "cycles")

@@ -427,7 +427,10 @@ class Versions(unittest.TestCase):
 
 
 def scene(*objects, **render):
-    plain = {"pixel_aspect_x": 1, "pixel_aspect_y": 1, "use_motion_blur": False, "use_multiview": False}
+    plain = {
+        "pixel_aspect_x": 1, "pixel_aspect_y": 1, "use_motion_blur": False, "use_multiview": False,
+        "film_transparent": False
+    }
     dof = types.SimpleNamespace(use_dof=False)
     camera = types.SimpleNamespace(name="camera",
                                    data=types.SimpleNamespace(type="PERSP", shift_x=0, shift_y=0, dof=dof))
@@ -459,6 +462,12 @@ class Losses(unittest.TestCase):
             "Not rendered, volume object: smoke", "Light linking (lights reach all objects): sun",
             "Angle of sun (sharp shadows): sun", "Motion blur"
         ])
+
+    def test_shadow_catchers_need_a_transparent_film(self):
+        floor = thing("MESH", "floor", is_shadow_catcher=True)
+        self.assertEqual(unsupported.losses_of(scene(floor, film_transparent=True)), [])
+        self.assertEqual(unsupported.losses_of(scene(floor)),
+                         ["Shadow catcher without a transparent film (shown like others): floor"])
 
     def test_long_lists_are_cut(self):
         many = scene(*(thing("VOLUME", f"smoke {i}") for i in range(5)))

@@ -112,6 +112,12 @@ def square_light():
     floor(kind="AREA", energy=100, shape="SQUARE", size=0.8)
 
 
+def catcher():
+    """The block's shadow on a floor that shows nothing else."""
+    square_light()
+    bpy.data.objects["Plane"].is_shadow_catcher = True
+
+
 def ellipse_light():
     """Scaled and turned, as artists do: the power stays, the size does not."""
     floor(kind="AREA", energy=100, shape="ELLIPSE", size=1.2, size_y=0.6, place=(0.5, -0.5, 2.6))
@@ -337,7 +343,7 @@ def animation():
 
 
 SCENES = {
-    made.__name__: made for made in (room, square_light, ellipse_light, point_light, sun_light, light_of_4_5,
-                                     world, textures, surfaces, mixtures, procedural, animation,
+    made.__name__: made for made in (room, square_light, catcher, ellipse_light, point_light, sun_light,
+                                     light_of_4_5, world, textures, surfaces, mixtures, procedural, animation,
                                      pictures)
 }

@@ -99,6 +99,7 @@ void UseLedger(const std::string& path) {
   if (epoch.ok()) (void)store.ClaimUnfinishedJobs({.name = "fuzz", .epoch = *epoch});
   (void)store.ForEachUnit(kJob, std::nullopt, [](const ledger::UnitRecord&) {});
   (void)store.FinishedFrames(kJob);
+  (void)store.DeliverersOf(kJob);
   (void)store.BlockedWorkers();
   (void)store.CreateJob(SomeJob());
 }

@@ -119,6 +119,16 @@ class AccessTest(unittest.TestCase):
                             "no profile 'ann'",
                             code=4)
 
+    def test_the_doctor_reports_on_everything_it_looks_at(self):
+        self.invite_person("cid")
+        done = run("lumifold", "doctor", "--profile", "cid", "--json", check=False)
+        subjects = [json.loads(line)["subject"] for line in done.stdout.splitlines()]
+        for subject in ("this machine", "lumifold-server", "lumifold-worker", "configuration",
+                        "profile default", "profile cid", "coordinator " + self.farm.address, "you",
+                        "workers"):
+            with self.subTest(subject=subject):
+                self.assertIn(subject, subjects)
+
     def test_secrets_are_for_their_user_alone(self):
         for folder in (self.farm.profiles, self.farm.root / "data" / "access"):
             for path in [folder, *folder.rglob("*")]:
@@ -325,7 +335,11 @@ class AccessTest(unittest.TestCase):
         self.assertEqual((done.returncode, "is encrypted, and there is no profile for it" in done.stderr),
                          (EXIT_UNREACHABLE, True), done.stderr)
         with Farm(self.root / "plain") as plain:
-            done = run("lumifold", "list", "--server", plain.address, "--profile", "default", check=False)
+            profile = shutil.copytree(self.farm.profiles / "default", self.farm.profiles / "plain")
+            self.addCleanup(shutil.rmtree, profile)
+            text = (profile / "profile").read_text()
+            (profile / "profile").write_text(text.replace(self.farm.address, plain.address))
+            done = run("lumifold", "list", "--profile", "plain", check=False)
             self.assertEqual((done.returncode, "is not encrypted, but the profile" in done.stderr),
                              (EXIT_UNREACHABLE, True), done.stderr)
 

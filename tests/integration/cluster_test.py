@@ -50,6 +50,8 @@ class ClusterTest(ClusterCase):
         wait_until(lambda: cluster.status(job, at=first)["state"].upper() == "CANCELLED",
                    "the end, at the first")
         other = cluster.submit(self.scene, "--spp", 64, at=second)
+        followed = cluster.client("wait", other, at=first)
+        self.assertNotIn("trying again", followed.stderr, "its statuses come from its owner")
         self.check(cluster, other, first, "--spp", 64)
 
     def test_a_forwarded_call_keeps_its_trace_and_logs_are_found_anywhere(self):

@@ -335,7 +335,7 @@ class WorkerMetricsTest(Conventions, unittest.TestCase):
                                "type": "VEC3"}], "bufferViews": [{"buffer": 0, "byteLength": 36}],
                 "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAA"}]
             }))  # 3 bytes of 36
-        self.submit(scene)
+        self.submit(scene, *SETTINGS, "--unchecked")
         found = self.figures(
             lambda found: any("_failures_" in name and value for name, value in found.items()))
         self.assertGreater(found['lumifold_worker_unit_failures_total{reason="permanent"}'], 0)

@@ -100,6 +100,17 @@ class PicturesTest(unittest.TestCase):
         self.assertEqual(picture.channels["R"], exr.read(self.whole).channels["R"], "the picture is the same")
         self.assertNotIn("cryptomatte", info(self.whole))
 
+    def test_a_transparent_background_and_the_shadow_on_it(self):
+        clear, shadow = (exr.read(self.render(f"{options[1]}.exr", *options))
+                         for options in (("--background", "transparent"), ("--ground", "shadow")))
+        self.assertEqual(clear.channels["R"], shadow.channels["R"], "the ground changes no colour")
+        below = [x >= y - 1e-6 for x, y in zip(shadow.channels["A"], clear.channels["A"])]
+        self.assertEqual(set(below), {True})
+        path = self.root / "clear.png"
+        self.farm.client("submit", self.scene, *SETTINGS, "--background", "transparent", "--download", path)
+        self.assertEqual(path.read_bytes()[25], 6, "red, green, blue and alpha")
+        self.assertIn("transparent", info(self.root / "transparent.exr"))
+
     def test_attributes(self):
         self.farm.client("submit",
                          self.scene,

@@ -38,10 +38,11 @@ inline absl::StatusOr<EdgedImage> WholeFilm(const v1::JobSpec& spec, int32_t fra
 
 /// RandomUnits of a job.
 inline UnitsOfFunction RandomUnitsOf(const v1::JobSpec& spec, uint32_t seed) {
-  return UnitsOfFunction([units = job::FrameUnits(spec), seed](const job::UnitKey& key) {
-    return absl::StatusOr<EdgedImage>(
-        RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), seed));
-  });
+  return UnitsOfFunction(
+      [units = job::FrameUnits(spec), model = FullModelOf(spec), seed](const job::UnitKey& key) {
+        return absl::StatusOr<EdgedImage>(
+            RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), seed, model));
+      });
 }
 
 }  // namespace lumifold

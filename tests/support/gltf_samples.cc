@@ -51,7 +51,14 @@ GltfFixture FurnishedDocument() {
                {"pbrMetallicRoughness",
                 {{"baseColorTexture",
                   {{"index", 0}, {"extensions", {{"KHR_texture_transform", {{"offset", {0.5, 0}}}}}}}}}},
-               {"extensions", {{"KHR_materials_ior", {{"ior", 1.3}}}}}});
+               {"extensions",
+                {{"KHR_materials_ior", {{"ior", 1.3}}},
+                 {"KHR_materials_iridescence",
+                  {{"iridescenceFactor", 1}, {"iridescenceThicknessTexture", {{"index", 1}}}}},
+                 {"KHR_materials_diffuse_transmission",
+                  {{"diffuseTransmissionFactor", 0.5}, {"diffuseTransmissionColorTexture", {{"index", 0}}}}},
+                 {"KHR_materials_anisotropy",
+                  {{"anisotropyStrength", 0.5}, {"anisotropyTexture", {{"index", 1}}}}}}}});
   const int normals = fixture.AddShorts({0, 0, 32767, 0, 0, 32767, 0, 0, 32767}, "VEC3", true);
   const int uvs = fixture.AddFloats({0, 0, 1, 0, 0, 1}, "VEC2");
   const int indices = fixture.AddIndices({0, 1, 2});

@@ -73,17 +73,25 @@ inline std::optional<layers::Level> LevelOfTile(int32_t tile) {
                        : layers::Level{layers::Branch::kTransmission, 2};
 }
 
+/// The model of a full plan for a job.
+inline film::UnitModel FullModelOf(const v1::JobSpec& spec) {
+  film::UnitModel model;
+  model.has_matte = spec.background() == v1::BACKGROUND_TRANSPARENT;
+  return model;
+}
+
 /// What a worker might deliver for a unit: made-up pixels that depend on (seed, unit) alone, with the counts
 /// a pass of `samples` has. Some tiles carry a level; those of more than one row and column have edges, and
 /// every other one of these has fragments.
-inline EdgedImage RandomUnit(const job::UnitKey& key, const Rect& rect, SampleRange samples, uint32_t seed) {
+inline EdgedImage RandomUnit(const job::UnitKey& key, const Rect& rect, SampleRange samples, uint32_t seed,
+                             const film::UnitModel& model = {}) {
   std::seed_seq mix{seed, static_cast<uint32_t>(key.frame), static_cast<uint32_t>(key.tile),
                     static_cast<uint32_t>(key.pass), static_cast<uint32_t>(key.kind)};
   std::mt19937 random(mix);
   std::uniform_real_distribution<float> value(0.0f, 1.0f);
   LayeredImage unit(rect.width(), rect.height());
   const bool is_pass = key.kind == v1::UNIT_KIND_PASS;
-  std::vector<std::string> names = is_pass ? film::PassChannels() : film::GeometryChannels();
+  std::vector<std::string> names = is_pass ? film::PassChannels(model) : film::GeometryChannels();
   if (const auto level = LevelOfTile(key.tile); level.has_value()) {
     for (std::string& name :
          is_pass ? layers::LevelPassChannels(*level) : layers::LevelFeatureChannels(*level))

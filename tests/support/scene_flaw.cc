@@ -82,7 +82,8 @@ std::string FirstFlaw(const Scene& scene) {
   }
   for (const SharedImage& image : scene.images) {
     const size_t bytes = static_cast<size_t>(image->width) * static_cast<size_t>(image->height) * 4;
-    if (image->rgba.size() != bytes) return "an image of another size than it says";
+    if (image->bytes() != (image->is_deep() ? 2 * bytes : bytes))
+      return "an image of another size than it says";
   }
   for (const Camera& camera : scene.cameras) {
     if (!(std::fabs(camera.world_from_camera.Determinant() - 1) < 1e-3f)) return "a distorted camera";

@@ -96,7 +96,7 @@ Verdict DecideEmission(const RuleInput& input, const Plan&) {
 Verdict DecideGlossy(const RuleInput& input, const Plan&) {
   const SceneFacts& facts = input.facts;
   if (!facts.lobes.glossy) {
-    return {0, Source::kScene, "no material has a rough reflection, rough transmission or sheen",
+    return {0, Source::kScene, "no material has a rough reflection, rough or diffuse transmission, or sheen",
             BytesSaved(kHalves + kColor)};
   }
   return {1, Source::kScene, absl::StrCat(facts.glossy_material, " has a glossy lobe"), ""};

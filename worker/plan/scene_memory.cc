@@ -34,7 +34,7 @@ uint64_t SceneMemory(const scene::Scene& scene, uint64_t file_bytes, uint64_t en
   }
   uint64_t pictures = environment_bytes;
   for (const scene::SharedImage& image : scene.images) {
-    if (image != nullptr) pictures += BytesOf(image->rgba) * 4 / 3;
+    if (image != nullptr) pictures += image->bytes() * 4 / 3;
   }
   const uint64_t frame = arrays + std::max(tree, file_bytes);
   return kProcessBytes + pictures + (scene.animated ? 2 : 1) * frame;

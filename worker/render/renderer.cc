@@ -33,6 +33,12 @@ OpacitySource OpacitySourceOf(const scene::Scene& scene, const TracingPlan& plan
   };
 }
 
+bool HasAbsorbingSolid(const scene::Scene& scene) {
+  return std::any_of(scene.materials.begin(), scene.materials.end(), [](const scene::Material& material) {
+    return material.volume.is_solid && material.volume.attenuation_distance > 0;
+  });
+}
+
 /// Whether something is seen without light.
 bool ShowsUnlit(const scene::Scene& scene) {
   return std::any_of(scene.instances.begin(), scene.instances.end(), [&](const scene::Instance& instance) {
@@ -66,20 +72,26 @@ absl::StatusOr<std::unique_ptr<Renderer>> Renderer::Create(std::shared_ptr<const
   absl::StatusOr<std::unique_ptr<EmbreeScene>> embree =
       EmbreeScene::Create(*scene, OpacitySourceOf(*scene, settings.plan));
   if (!embree.ok()) return embree.status();
-  return std::unique_ptr<Renderer>(
-      new Renderer(std::move(scene), *std::move(embree), *camera, settings));  // the constructor is private
+  absl::StatusOr<std::unique_ptr<ShadowCatchers>> catchers = ShadowCatchers::Create(*scene);
+  if (!catchers.ok()) return catchers.status();
+  return std::unique_ptr<Renderer>(new Renderer(std::move(scene), *std::move(embree), *std::move(catchers),
+                                                *camera, settings));  // the constructor is private
 }
 
 Renderer::Renderer(std::shared_ptr<const scene::Scene> scene, std::unique_ptr<EmbreeScene> embree,
-                   const PictureCamera& camera, const RenderSettings& settings)
+                   std::unique_ptr<ShadowCatchers> catchers, const PictureCamera& camera,
+                   const RenderSettings& settings)
     : scene_(std::move(scene)),
       embree_(std::move(embree)),
+      catchers_(std::move(catchers)),
       settings_(settings),
       camera_(camera),
-      tracer_(*scene_, *embree_, settings.environment, settings.max_bounces, settings.mips, settings.plan),
+      tracer_(*scene_, *embree_, settings.environment, settings.max_bounces, settings.mips, settings.plan,
+              {settings.is_transparent, catchers_.get()}),
       warnings_(scene_->warnings) {
+  if (HasAbsorbingSolid(*scene_) && camera_.Viewpoint().has_value()) tracer_.SetCamera(*camera_.Viewpoint());
   if (!tracer_.HasLights() && !ShowsUnlit(*scene_))
-    warnings_.push_back("the scene has no light: the picture is black");
+    warnings_.emplace_back("the scene has no light: the picture is black");
   if (settings.environment != nullptr && settings.environment->bad_texels() > 0) {
     warnings_.push_back(
         absl::StrCat(settings.environment->bad_texels(),
@@ -102,7 +114,7 @@ void Renderer::KeepIfComplete(std::shared_ptr<const EdgeMask> mask, const std::a
 EdgedImage Renderer::RenderPass(const Rect& rect, int frame, const TileSamples& tile_samples,
                                 RenderCounts* counts) const {
   const ScopedFloatEnvironment environment;
-  PassPicture picture(rect.width(), rect.height(), settings_.plan.layers);
+  PassPicture picture(rect.width(), rect.height(), settings_.plan.layers, settings_.is_transparent);
   FragmentRows fragments(settings_.plan.layers);
   const std::shared_ptr<const EdgeMask> edges =
       fragments.IsCarried() ? EdgePixelsOf(rect, counts->stop) : std::make_shared<const EdgeMask>(rect);

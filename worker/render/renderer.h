@@ -31,6 +31,7 @@ struct RenderSettings {
   std::string camera;   // empty: the scene's first
   Lens lens;
   std::shared_ptr<const Environment> environment;  // null: black
+  bool is_transparent = false;                     // the camera does not see it
   MipSource mips;                                  // used while the renderer is created; empty: MakeMips
   TracingPlan plan;                                // default: everything is modelled
 };
@@ -76,7 +77,8 @@ class Renderer {
   /// Traces `tile_samples` in the pixels of `rect` (within the frame) and returns their sums.
   /// Shapes: rect's size; channels, as far as the plan's layers go: for each of layers::kHalved its halves
   ///         *_a and *_b; layers::kWhole (sums over both halves); samples_a.Y, samples_b.Y (finite samples);
-  ///         and layers::LevelPassChannels of each level that any sample has reached. Fragments (see
+  ///         layers::LevelPassChannels of each level that any sample has reached; and layers::kMatte of
+  ///         transparent pictures. Fragments (see
   ///         EdgedImage) of the edge pixels of RenderGeometry, which are found by four rays a pixel where the
   ///         tile's mask is not kept; counts->rays has none of these.
   /// Once counts->stop is true it returns within a few hundred samples; the result is then incomplete.
@@ -89,6 +91,7 @@ class Renderer {
 
   const PictureCamera& camera() const { return camera_; }
   const scene::Scene& scene() const { return *scene_; }
+  bool CatchesShadows() const { return catchers_ != nullptr; }
 
   /// Messages for the artist: the loader's warnings, a scene without lights, bad pixels of the environment.
   const std::vector<std::string>& warnings() const { return warnings_; }
@@ -97,7 +100,8 @@ class Renderer {
   friend class ChartsAccess;  // tests and charts only
 
   Renderer(std::shared_ptr<const scene::Scene> scene, std::unique_ptr<EmbreeScene> embree,
-           const PictureCamera& camera, const RenderSettings& settings);
+           std::unique_ptr<ShadowCatchers> catchers, const PictureCamera& camera,
+           const RenderSettings& settings);
 
   /// The whole frame as the picture sees it: edges of a part of the frame are those of the frame.
   Rect FrameRect() const {
@@ -117,6 +121,7 @@ class Renderer {
 
   std::shared_ptr<const scene::Scene> scene_;
   std::unique_ptr<EmbreeScene> embree_;
+  std::unique_ptr<ShadowCatchers> catchers_;  // null: none
   RenderSettings settings_;
   PictureCamera camera_;
   PathTracer tracer_;

@@ -15,7 +15,11 @@ struct SampleBatch::Packet {
 };
 
 SampleBatch::SampleBatch(const PathTracer& tracer, size_t packets, const Target& target)
-    : target_(target), capacity_(packets), stream_(tracer), samples_(packets * PathTracer::kPacket) {}
+    : tracer_(tracer),
+      target_(target),
+      capacity_(packets),
+      stream_(tracer),
+      samples_(packets * PathTracer::kPacket) {}
 
 SampleBatch::~SampleBatch() = default;
 
@@ -38,7 +42,11 @@ void SampleBatch::Add(const PictureCamera& camera, uint64_t seed, int frame, int
 
 void SampleBatch::Trace() {
   stream_.Run();
-  for (size_t i = 0; i < count_; ++i) Sum(*packets_[i], SamplesOf(i));
+  for (size_t i = 0; i < count_; ++i) {
+    const CameraPacket& rays = *packets_[i]->rays;
+    if (tracer_.CatchesShadows()) tracer_.CatchShadows(rays.rays(), rays.samplers(), SamplesOf(i));
+    Sum(*packets_[i], SamplesOf(i));
+  }
   count_ = 0;
   if (target_.counts->rows != nullptr) target_.counts->rows->fetch_add(rows_, std::memory_order_relaxed);
   rows_ = 0;

@@ -48,6 +48,7 @@ class SampleBatch {
   }
   void Sum(const Packet& packet, std::span<const LayerSample> samples);
 
+  const PathTracer& tracer_;
   Target target_;
   size_t capacity_;  // packets
   PathStream stream_;

@@ -4,12 +4,15 @@
 #include <map>
 #include <set>
 #include <span>
+#include <string>
+#include <tuple>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "worker/scene/accessors.h"
 #include "worker/scene/choice.h"
 #include "worker/scene/keyframes.h"
+#include "worker/scene/pointers.h"
 
 namespace lumifold::scene {
 namespace {
@@ -46,7 +49,7 @@ class Poser {
     for (size_t a = 0; a < document_->animations.size(); ++a) {
       if (auto s = Play(a); !s.ok()) return s;
     }
-    return summary_;
+    return Finish();
   }
 
   absl::StatusOr<AnimationSummary> RunOne(const std::string& wanted) {
@@ -55,17 +58,24 @@ class Poser {
     const auto chosen = Choose("animation", names, wanted);
     if (!chosen.ok()) return chosen.status();
     if (auto s = Play(static_cast<size_t>(*chosen)); !s.ok()) return s;
-    return summary_;
+    return Finish();
   }
 
  private:
-  using Property = std::pair<int, AnimatedProperty>;  // of a node
+  using Property = std::tuple<int, AnimatedProperty, std::string>;  // of a node, or the pointer
+
+  static Property PropertyOf(const AnimationChannel& c) { return {c.node, c.property, c.pointer}; }
+
+  absl::StatusOr<AnimationSummary> Finish() {
+    if (pointed_.empty()) return summary_;
+    if (auto s = SetPointedValues(pointed_, document_); !s.ok()) return s;
+    return summary_;
+  }
 
   /// Whether an animation that plays moves what this one moves.
   bool IsAlternative(const Animation& animation) const {
-    return std::any_of(
-        animation.channels.begin(), animation.channels.end(),
-        [this](const AnimationChannel& c) { return moved_.contains(Property(c.node, c.property)); });
+    return std::any_of(animation.channels.begin(), animation.channels.end(),
+                       [this](const AnimationChannel& c) { return moved_.contains(PropertyOf(c)); });
   }
 
   absl::Status Play(size_t number) {
@@ -78,10 +88,11 @@ class Poser {
     }
     for (size_t c = 0; c < animation.channels.size(); ++c) {
       const AnimationChannel& channel = animation.channels[c];
-      if (auto s = Apply(channel, place); !s.ok()) return WithContext(s, absl::StrCat(place, " channel ", c));
+      const bool is_pointed = channel.property == AnimatedProperty::kPointed;
+      if (auto s = is_pointed ? ApplyPointed(channel) : Apply(channel, place); !s.ok())
+        return WithContext(s, absl::StrCat(place, " channel ", c));
     }
-    for (const AnimationChannel& channel : animation.channels)
-      moved_.insert(Property(channel.node, channel.property));
+    for (const AnimationChannel& channel : animation.channels) moved_.insert(PropertyOf(channel));
     return absl::OkStatus();
   }
 
@@ -101,14 +112,30 @@ class Poser {
       diagnostics_->Count("animations of morph weights without morph targets left out", place);
       return absl::OkStatus();
     }
-    const auto times = Times(channel.times);
-    if (!times.ok()) return times.status();
-    const auto values = Sample(channel, layout, **times);
+    const auto values = ValuesNow(channel, layout);
     if (!values.ok()) return values.status();
     Destination(channel.property, &node)->assign(values->begin(), values->end());
+    return absl::OkStatus();
+  }
+
+  absl::Status ApplyPointed(const AnimationChannel& channel) {
+    ValueLayout layout;
+    layout.width = FindPointer(channel.pointer)->numbers;
+    if (channel.interpolation == Interpolation::kCubicSpline) layout.values_per_key = 3;
+    auto values = ValuesNow(channel, layout);
+    if (!values.ok()) return values.status();
+    pointed_.push_back({channel.pointer, *std::move(values)});
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<std::vector<float>> ValuesNow(const AnimationChannel& channel, const ValueLayout& layout) {
+    const auto times = Times(channel.times);
+    if (!times.ok()) return times.status();
+    auto values = Sample(channel, layout, **times);
+    if (!values.ok()) return values.status();
     summary_.moves = summary_.moves || (*times)->size() > 1;
     summary_.duration_seconds = std::max(summary_.duration_seconds, double{(*times)->back()});
-    return absl::OkStatus();
+    return values;
   }
 
   ValueLayout LayoutOf(const AnimationChannel& channel, const tinygltf::Node& node) const {
@@ -131,6 +158,7 @@ class Poser {
       case AnimatedProperty::kScale:
         return &node->scale;
       case AnimatedProperty::kWeights:
+      case AnimatedProperty::kPointed:
         break;
     }
     return &node->weights;
@@ -200,6 +228,7 @@ class Poser {
   Diagnostics* diagnostics_;
   std::map<int, std::vector<float>> times_;
   std::set<Property> moved_;
+  std::vector<PointedValue> pointed_;
   AnimationSummary summary_;
 };
 

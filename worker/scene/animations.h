@@ -12,10 +12,11 @@ struct AnimationSummary {
 };
 
 /// Evaluates the animations of `document` that `options` choose, at its time, and overwrites translation,
-/// rotation, scale and morph weights of the nodes. If several channels of an animation target one property,
-/// the last one applies. Nodes with a matrix are unchanged and counted. Errors: kInvalidArgument naming
-/// animation and channel, for nodes and accessors that do not exist or do not fit, and times that decrease;
-/// kNotFound for an animation that does not exist; kResourceExhausted over the limit of keyframes.
+/// rotation, scale and morph weights of the nodes, and pointed properties. If several channels of an
+/// animation target one property, the last one applies. Nodes with a matrix are unchanged and counted.
+/// Errors: kInvalidArgument naming animation and channel, for nodes and accessors that do not exist or do not
+/// fit, and times that decrease; kNotFound for an animation that does not exist; kResourceExhausted over the
+/// limit of keyframes.
 absl::StatusOr<AnimationSummary> PoseNodes(const LoadOptions& options, Document* document,
                                            Diagnostics* diagnostics);
 

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "nlohmann/json.hpp"
 #include "worker/scene/diagnostics.h"
+#include "worker/scene/vertex_codes.h"
 
 namespace lumifold::scene {
 namespace {
@@ -21,8 +22,10 @@ using Filter = CompressedView::Filter;
 
 constexpr const char* kExtensions[] = {"KHR_meshopt_compression", "EXT_meshopt_compression"};
 
-/// The tightest code of a vertex: a group of 16 equal bytes takes a quarter of one. Indices take more.
-constexpr uint64_t kMaxExpansion = 64;
+/// The tightest code of attributes, of version 1: four bytes that stay the same in 256 elements take one.
+/// Indices take more than a 64th.
+constexpr uint64_t kMaxExpansion = 1024;
+constexpr uint64_t kMaxIndexExpansion = 64;
 constexpr uint64_t kMaxLength = uint64_t{1} << 40;
 
 const json* FindExtension(const json& object) {
@@ -78,7 +81,8 @@ absl::Status Check(const CompressedView& view) {
     return absl::InvalidArgumentError(absl::StrCat("count ", view.count, " is not that of triangles"));
   if (view.mode != Mode::kAttributes && view.filter != Filter::kIdentity)
     return absl::InvalidArgumentError("a filter on indices");
-  if (view.length > kMaxLength || view.count > kMaxExpansion * view.length / view.stride + 256) {
+  const uint64_t expansion = view.mode == Mode::kAttributes ? kMaxExpansion : kMaxIndexExpansion;
+  if (view.length > kMaxLength || view.count > expansion * view.length / view.stride + 256) {
     return absl::InvalidArgumentError(
         absl::StrCat("claims ", view.count, " elements, but has only ", view.length, " bytes"));
   }
@@ -155,15 +159,18 @@ void ApplyFilter(const CompressedView& view, std::string* bytes) {
   }
 }
 
-int Decompress(const CompressedView& view, std::string_view code, std::string* bytes) {
+/// Returns whether the code is whole.
+bool Decompress(const CompressedView& view, std::string_view code, std::string* bytes) {
   const auto* data = reinterpret_cast<const unsigned char*>(code.data());
   switch (view.mode) {
     case Mode::kAttributes:
-      return meshopt_decodeVertexBuffer(bytes->data(), view.count, view.stride, data, code.size());
+      // The library reads this version since its 0.23.
+      if (IsVertexCodeVersion1(code)) return DecodeVertexCode(code, view.count, view.stride, bytes);
+      return meshopt_decodeVertexBuffer(bytes->data(), view.count, view.stride, data, code.size()) == 0;
     case Mode::kTriangles:
-      return meshopt_decodeIndexBuffer(bytes->data(), view.count, view.stride, data, code.size());
+      return meshopt_decodeIndexBuffer(bytes->data(), view.count, view.stride, data, code.size()) == 0;
     default:
-      return meshopt_decodeIndexSequence(bytes->data(), view.count, view.stride, data, code.size());
+      return meshopt_decodeIndexSequence(bytes->data(), view.count, view.stride, data, code.size()) == 0;
   }
 }
 
@@ -197,7 +204,7 @@ absl::StatusOr<std::string> DecodeView(const CompressedView& view,
   }
   std::string bytes(view.count * view.stride, '\0');
   // The library's decoders check every length and index, and say no more than that something is wrong.
-  if (view.count > 0 && Decompress(view, buffer.substr(view.offset, view.length), &bytes) != 0)
+  if (view.count > 0 && !Decompress(view, buffer.substr(view.offset, view.length), &bytes))
     return absl::InvalidArgumentError("damaged meshopt data, or of a version that is not read");
   ApplyFilter(view, &bytes);
   return bytes;

@@ -1,5 +1,6 @@
 #include "worker/scene/document.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -9,6 +10,7 @@
 #include "absl/strings/strip.h"
 #include "nlohmann/json.hpp"
 #include "worker/scene/compressed_views.h"
+#include "worker/scene/pointers.h"
 #include "worker/scene/uri.h"
 
 namespace lumifold::scene {
@@ -261,7 +263,32 @@ absl::Status ParseModel(const json& root, tinygltf::Model* model) {
   return absl::InvalidArgumentError(error.empty() ? "malformed glTF" : absl::StripSuffix(error, "\n"));
 }
 
+bool HasPointed(const std::vector<Animation>& animations) {
+  return std::any_of(animations.begin(), animations.end(), [](const Animation& animation) {
+    return std::any_of(animation.channels.begin(), animation.channels.end(),
+                       [](const AnimationChannel& c) { return c.property == AnimatedProperty::kPointed; });
+  });
+}
+
 }  // namespace
+
+absl::Status SetPointedValues(const std::vector<PointedValue>& values, Document* document) {
+  json root = json::parse(document->animated_json);
+  for (const PointedValue& value : values) {
+    if (auto s = SetPointed(value.pointer, value.values, &root); !s.ok()) return s;
+  }
+  tinygltf::Model model;
+  if (auto s = ParseModel(root, &model); !s.ok()) return s;
+  for (size_t i = 0; i < model.nodes.size(); ++i) {
+    tinygltf::Node& posed = document->model.nodes[i];
+    model.nodes[i].translation = std::move(posed.translation);
+    model.nodes[i].rotation = std::move(posed.rotation);
+    model.nodes[i].scale = std::move(posed.scale);
+    model.nodes[i].weights = std::move(posed.weights);
+  }
+  document->model = std::move(model);
+  return absl::OkStatus();
+}
 
 absl::StatusOr<std::string> ReadUri(const std::string& uri, const AssetReader& reader) {
   if (IsDataUri(uri)) return DecodeDataUri(uri);
@@ -296,9 +323,10 @@ absl::StatusOr<Document> ParseDocument(std::string_view bytes, const AssetReader
   if (!compressed.ok()) return compressed.status();
   DropCompressedIndices(&root);
   if (auto s = ParseModel(root, &document.model); !s.ok()) return s;
+  if (auto s = ParseAnimations(*animations, &document.animations, diagnostics); !s.ok()) return s;
+  if (HasPointed(document.animations)) document.animated_json = root.dump();
   root = nullptr;
   if (auto s = ReadImageSources(*images, &document); !s.ok()) return s;
-  if (auto s = ParseAnimations(*animations, &document.animations, diagnostics); !s.ok()) return s;
   if (auto s = ParseSkins(*skins, &document.skins); !s.ok()) return s;
   if (auto s = ReadBuffers(*buffers, *container, reader, &document); !s.ok()) return s;
   if (auto s = DecodeViews(*compressed, &document); !s.ok()) return s;

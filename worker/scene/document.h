@@ -31,6 +31,7 @@ struct Document {
   std::vector<ImageSource> images;
   std::vector<Animation> animations;
   std::vector<Skin> skins;
+  std::string animated_json;      // of a document with pointed properties: what `model` was made of
   std::deque<std::string> owned;  // bytes that `buffers` refers to besides the caller's
 };
 
@@ -38,6 +39,16 @@ struct Document {
 /// kInvalidArgument; the reader's own. Passes on exceptions of its JSON libraries.
 absl::StatusOr<Document> ParseDocument(std::string_view bytes, const AssetReader& reader,
                                        Diagnostics* diagnostics);
+
+/// The values of a property that FindPointer() knows.
+struct PointedValue {
+  std::string pointer;
+  std::vector<float> values;
+};
+
+/// Sets properties of the model. Poses of nodes stay as they are. Errors: those of SetPointed;
+/// kInvalidArgument if the values are not glTF's. Passes on exceptions of its JSON libraries.
+absl::Status SetPointedValues(const std::vector<PointedValue>& values, Document* document);
 
 /// The bytes of buffer view `view`. Errors: kInvalidArgument if it does not exist or exceeds its buffer.
 absl::StatusOr<std::string_view> ViewBytes(const Document& document, int view);

@@ -147,15 +147,19 @@ absl::Status ReadAttributes(const VertexSource& source, Mesh* mesh) {
   return s;
 }
 
-/// The normal map from whose texture coordinates tangents must be generated; null if none are needed. A coat
+bool NeedsTangents(const Material& material) {
+  return material.normal_map.texture.texture != kNone ||
+         material.clearcoat.normal_map.texture.texture != kNone || material.anisotropy.strength > 0;
+}
+
+/// From whose texture coordinates tangents are generated: those of the first texture that needs them. A coat
 /// over a base with a normal map uses the base's tangents.
-const TextureRef* TangentsMissingFor(const Mesh& mesh, const std::vector<Material>& materials) {
-  if (mesh.material == kNone || !mesh.tangents.empty()) return nullptr;
-  const Material& material = materials[mesh.material];
-  for (const TextureRef* map : {&material.normal_map.texture, &material.clearcoat.normal_map.texture}) {
-    if (map->texture != kNone) return map;
+const TextureRef& MapOfTangents(const Material& material) {
+  for (const TextureRef* map :
+       {&material.normal_map.texture, &material.anisotropy.texture, &material.clearcoat.normal_map.texture}) {
+    if (map->texture != kNone) return *map;
   }
-  return nullptr;
+  return material.normal_map.texture;  // names no texture: the first texture coordinates as they are
 }
 
 }  // namespace
@@ -188,7 +192,11 @@ void GeometryReader::Clean(const std::string& place, Mesh* mesh) {
   diagnostics_->Count("normals of length zero replaced", place, NormalizeNormals(mesh));
   NormalizeTangents(mesh);
   diagnostics_->Count("vertex colours outside 0 to 1 clamped", place, ClampColors(mesh));
-  if (const TextureRef* map = TangentsMissingFor(*mesh, materials_)) GenerateTangents(*map, mesh);
+  if (mesh->material == kNone || !mesh->tangents.empty()) return;
+  const Material& material = materials_[mesh->material];
+  if (NeedsTangents(material)) GenerateTangents(MapOfTangents(material), mesh);
+  if (material.anisotropy.strength > 0 && mesh->tangents.empty())
+    diagnostics_->Count("meshes without tangents and texture coordinates have round highlights", place);
 }
 
 absl::StatusOr<std::optional<Mesh>> GeometryReader::Read(const tinygltf::Primitive& primitive, int material,

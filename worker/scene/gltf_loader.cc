@@ -43,18 +43,26 @@ struct MeshRange {
   int count = 0;
 };
 
+bool IsShadowCatcher(const tinygltf::Node& node) {
+  if (!node.extras.IsObject() || !node.extras.Has(kShadowCatcher)) return false;
+  const tinygltf::Value& value = node.extras.Get(kShadowCatcher);
+  if (value.IsBool()) return value.Get<bool>();
+  return value.IsNumber() && value.GetNumberAsDouble() != 0;
+}
+
 /// Reads each shape that is placed at least once, and creates the instances.
 class InstanceReader {
  public:
   InstanceReader(const Document& document, const NodeContents& contents, int variant,
-                 const LoadLimits& limits, Scene* scene, Diagnostics* diagnostics)
+                 const LoadOptions& options, Scene* scene, Diagnostics* diagnostics)
       : document_(document),
         contents_(contents),
         variant_(variant),
-        limits_(limits),
+        options_(options),
         skins_(document, contents.world_from_node),
-        geometry_(document, scene->materials, limits, diagnostics),
-        scene_(scene) {}
+        geometry_(document, scene->materials, options.limits, diagnostics),
+        scene_(scene),
+        diagnostics_(diagnostics) {}
 
   absl::Status Run() {
     std::map<Shape, MeshRange> shapes;
@@ -113,22 +121,30 @@ class InstanceReader {
   }
 
   absl::Status AddInstances(const Placement& placement, const MeshRange& range) {
-    if (static_cast<int64_t>(scene_->instances.size()) + range.count > limits_.max_instances) {
-      return absl::ResourceExhaustedError(absl::StrCat("more than ", limits_.max_instances, " instances"));
-    }
-    for (int m = range.first; m < range.first + range.count; ++m) {
-      scene_->instances.push_back({m, placement.world_from_object, placement.name});
-    }
+    const size_t present = scene_->instances.size() + scene_->catchers.size();
+    const int64_t limit = options_.limits.max_instances;
+    if (static_cast<int64_t>(present) + range.count > limit)
+      return absl::ResourceExhaustedError(absl::StrCat("more than ", limit, " instances"));
+    const bool is_catcher = IsShadowCatcher(document_.model.nodes[placement.node]);
+    if (is_catcher && !options_.catches_shadows)
+      diagnostics_->Count(
+          "shadow catchers shown like other surfaces, because the background is not transparent",
+          Place("node", placement.node, placement.name));
+    std::vector<Instance>& instances =
+        is_catcher && options_.catches_shadows ? scene_->catchers : scene_->instances;
+    for (int m = range.first; m < range.first + range.count; ++m)
+      instances.push_back({m, placement.world_from_object, placement.name});
     return absl::OkStatus();
   }
 
   const Document& document_;
   const NodeContents& contents_;
   const int variant_;
-  const LoadLimits& limits_;
+  const LoadOptions& options_;
   SkinTable skins_;
   GeometryReader geometry_;
   Scene* scene_;
+  Diagnostics* diagnostics_;
 };
 
 /// Squares and cubes of positions up to 1e9 fit a float.
@@ -168,7 +184,7 @@ absl::StatusOr<Scene> LoadUnguarded(std::string_view bytes, const AssetReader& r
   scene.cameras = std::move(contents->cameras);
   scene.lights = std::move(contents->lights);
   s = ReadMaterials(*document, MaterialsInUse(model, *variant), reader, options, &scene, &diagnostics);
-  if (s.ok()) s = InstanceReader(*document, *contents, *variant, limits, &scene, &diagnostics).Run();
+  if (s.ok()) s = InstanceReader(*document, *contents, *variant, options, &scene, &diagnostics).Run();
   if (s.ok()) s = CheckExtent(scene);
   if (!s.ok()) return s;
   if (scene.cameras.empty()) diagnostics.Note("no camera: one that sees everything is used");

@@ -29,6 +29,10 @@ struct LoadLimits {
   int max_node_depth = 256;
 };
 
+/// Extras property of a node whose mesh shows shadows alone: any value but false, 0 and null. The Blender
+/// add-on writes it.
+inline constexpr char kShadowCatcher[] = "lumifold_shadow_catcher";
+
 /// Options of LoadGltf.
 struct LoadOptions {
   /// Animation time in seconds. Before its first and after its last keyframe an animated property has that
@@ -39,6 +43,9 @@ struct LoadOptions {
   std::string animation;
   /// Name or number of the variant of KHR_materials_variants that is shown; empty: none.
   std::string variant;
+  /// Whether nodes with the extras property kShadowCatcher become catchers. Otherwise they are shown like
+  /// others, with a warning.
+  bool catches_shadows = false;
   LoadLimits limits;
   ImageDecoder decode;       // empty: DecodeImage
   TaskPool* pool = nullptr;  // decodes textures; null: this thread does

@@ -16,7 +16,8 @@ namespace lumifold::scene {
 namespace {
 
 constexpr char kTextureTransform[] = "KHR_texture_transform";
-constexpr float kFullReflection = 1e6f;  // an ior whose reflectance is 1 but for rounding
+constexpr float kFullReflection = 1e6f;    // an ior whose reflectance is 1 but for rounding
+constexpr double kMaxFilmThickness = 1e6;  // nanometres: far above what shows interference
 constexpr double kMaxInt = std::numeric_limits<int>::max();
 constexpr double kMaxFloat = std::numeric_limits<float>::max();
 
@@ -42,6 +43,9 @@ class MaterialReader {
     ReadVolume();
     ReadClearcoat();
     ReadSheen();
+    ReadAnisotropy();
+    ReadDiffuseTransmission();
+    ReadIridescence();
     ReadSpecularGlossiness();
     if (!fields_.status().ok()) return fields_.status();
     if (!texture_status_.ok()) return WithContext(texture_status_, fields_.place());
@@ -153,6 +157,48 @@ class MaterialReader {
     if (material_.sheen.color == Vec3{0, 0, 0}) return;
     material_.sheen.color_texture = ExtensionRef(*extension, "sheenColorTexture");
     material_.sheen.roughness_texture = ExtensionRef(*extension, "sheenRoughnessTexture");
+  }
+
+  void ReadAnisotropy() {
+    const auto* extension = Extension("KHR_materials_anisotropy");
+    if (extension == nullptr) return;
+    Material::Anisotropy& anisotropy = material_.anisotropy;
+    anisotropy.strength = Fraction(fields_.Number(*extension, "anisotropyStrength", 0), "anisotropyStrength");
+    if (anisotropy.strength == 0) return;
+    const double angle = fields_.Number(*extension, "anisotropyRotation", 0);
+    SinCos(fields_.Clamped(angle, -1000, 1000, "anisotropyRotation"), &anisotropy.direction.y,
+           &anisotropy.direction.x);
+    anisotropy.texture = ExtensionRef(*extension, "anisotropyTexture");
+  }
+
+  void ReadDiffuseTransmission() {
+    const auto* extension = Extension("KHR_materials_diffuse_transmission");
+    if (extension == nullptr) return;
+    Material::DiffuseTransmission& transmission = material_.diffuse_transmission;
+    transmission.factor =
+        Fraction(fields_.Number(*extension, "diffuseTransmissionFactor", 0), "diffuseTransmissionFactor");
+    if (transmission.factor == 0) return;
+    transmission.color =
+        FractionColor(fields_.Numbers<3>(*extension, "diffuseTransmissionColorFactor", {1, 1, 1}),
+                      "diffuseTransmissionColorFactor");
+    transmission.factor_texture = ExtensionRef(*extension, "diffuseTransmissionTexture");
+    transmission.color_texture = ExtensionRef(*extension, "diffuseTransmissionColorTexture");
+  }
+
+  void ReadIridescence() {
+    const auto* extension = Extension("KHR_materials_iridescence");
+    if (extension == nullptr) return;
+    Material::Iridescence& film = material_.iridescence;
+    film.factor = Fraction(fields_.Number(*extension, "iridescenceFactor", 0), "iridescenceFactor");
+    if (film.factor == 0) return;
+    film.ior = fields_.Clamped(fields_.Number(*extension, "iridescenceIor", 1.3), 1, 1000, "iridescenceIor");
+    const auto thickness = [&](const char* field, double otherwise) {
+      return fields_.Clamped(fields_.Number(*extension, field, otherwise), 0, kMaxFilmThickness, field);
+    };
+    film.min_thickness_nm = thickness("iridescenceThicknessMinimum", 100);
+    film.max_thickness_nm = thickness("iridescenceThicknessMaximum", 400);
+    film.factor_texture = ExtensionRef(*extension, "iridescenceTexture");
+    film.thickness_texture = ExtensionRef(*extension, "iridescenceThicknessTexture");
   }
 
   /// Replaces the metallic-roughness values, which the extension's text ranks below these, by those of a

@@ -6,6 +6,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "nlohmann/json.hpp"
+#include "worker/scene/pointers.h"
 
 namespace lumifold::scene {
 namespace {
@@ -78,26 +79,68 @@ absl::Status ReadSampler(const json& samplers, int index, AnimationChannel* chan
   return absl::OkStatus();
 }
 
-/// nullopt for a channel without a node or of an unknown property.
-absl::StatusOr<std::optional<AnimationChannel>> ParseChannel(const json& source, const json& samplers,
-                                                             const std::string& place,
-                                                             Diagnostics* diagnostics) {
-  const auto target = source.find("target");
-  if (target == source.end() || !target->is_object()) return absl::InvalidArgumentError("no target");
-  const auto node = Index(*target, "node");
+constexpr char kLeftOut[] = "animations of other things than nodes and morph weights left out";
+
+/// The number in "/nodes/7/translation"; nullopt for other pointers.
+std::optional<int> NodeOf(const std::string& pointer) {
+  const std::string pattern = PatternOf(pointer);
+  constexpr std::string_view kNodes = "/nodes/#/";
+  if (!pattern.starts_with(kNodes) || !PropertyFrom(pattern.substr(kNodes.size())).has_value())
+    return std::nullopt;
+  return std::stoi(pointer.substr(kNodes.size() - 2));
+}
+
+/// The target of KHR_animation_pointer; nullopt for one that the renderer does not have.
+std::optional<AnimationChannel> PointedTarget(const json& target, const std::string& place,
+                                              Diagnostics* diagnostics) {
+  const json::json_pointer at("/extensions/KHR_animation_pointer/pointer");
+  const std::string pointer = target.contains(at) && target[at].is_string() ? target[at] : "";
+  AnimationChannel channel;
+  if (const std::optional<int> node = NodeOf(pointer); node.has_value()) {
+    channel.node = *node;
+    channel.property = *PropertyFrom(pointer.substr(pointer.rfind('/') + 1));
+    return channel;
+  }
+  channel.property = AnimatedProperty::kPointed;
+  channel.pointer = pointer;
+  if (FindPointer(pointer).has_value()) return channel;
+  diagnostics->Count(
+      pointer.empty() ? kLeftOut : absl::StrCat("animations of ", OneLine(PatternOf(pointer)), " left out"),
+      place);
+  return std::nullopt;
+}
+
+/// The target of core glTF; nullopt without a node or of an unknown property.
+absl::StatusOr<std::optional<AnimationChannel>> NodeTarget(const json& target, const std::string& place,
+                                                           Diagnostics* diagnostics) {
+  const auto node = Index(target, "node");
   if (!node.ok()) return node.status();
-  const auto property = PropertyFrom(StringOr(*target, "path", ""));
+  const auto property = PropertyFrom(StringOr(target, "path", ""));
   if (!property.has_value()) {
-    diagnostics->Count("animations of other things than nodes and morph weights left out", place);
+    diagnostics->Count(kLeftOut, place);
     return std::nullopt;
   }
   if (!node->has_value()) return std::nullopt;  // glTF: to be ignored
   AnimationChannel channel;
   channel.node = **node;
   channel.property = *property;
+  return channel;
+}
+
+/// nullopt for a channel whose target is left out.
+absl::StatusOr<std::optional<AnimationChannel>> ParseChannel(const json& source, const json& samplers,
+                                                             const std::string& place,
+                                                             Diagnostics* diagnostics) {
+  const auto target = source.find("target");
+  if (target == source.end() || !target->is_object()) return absl::InvalidArgumentError("no target");
+  using Channel = absl::StatusOr<std::optional<AnimationChannel>>;
+  Channel channel = StringOr(*target, "path", "") == "pointer"
+                        ? Channel(PointedTarget(*target, place, diagnostics))
+                        : NodeTarget(*target, place, diagnostics);
+  if (!channel.ok() || !channel->has_value()) return channel;
   const auto sampler = RequiredIndex(source, "sampler");
   if (!sampler.ok()) return sampler.status();
-  if (auto s = ReadSampler(samplers, *sampler, &channel); !s.ok()) return s;
+  if (auto s = ReadSampler(samplers, *sampler, &**channel); !s.ok()) return s;
   return channel;
 }
 

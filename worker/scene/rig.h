@@ -11,12 +11,13 @@
 /// optional in glTF (a skin's inverse bind matrices, a channel's node).
 namespace lumifold::scene {
 
-enum class AnimatedProperty { kTranslation, kRotation, kScale, kWeights };
+enum class AnimatedProperty { kTranslation, kRotation, kScale, kWeights, kPointed };
 enum class Interpolation { kStep, kLinear, kCubicSpline };
 
-/// One property of one node over time. Indices of accessors and nodes are as in the file, not checked.
+/// One property over time. Indices of accessors and nodes are as in the file, not checked.
 struct AnimationChannel {
-  int node = -1;
+  int node = -1;        // of all properties but kPointed
+  std::string pointer;  // of kPointed: one that FindPointer() knows
   AnimatedProperty property = AnimatedProperty::kTranslation;
   Interpolation interpolation = Interpolation::kLinear;
   int times = -1;   // accessor of keyframe times, seconds
@@ -34,8 +35,9 @@ struct Skin {
   int inverse_bind_matrices = -1;  // accessor; -1: identities
 };
 
-/// Reads the section "animations". Channels without a node and channels of properties that core glTF does not
-/// animate are left out; the latter are counted. Errors: kInvalidArgument naming the animation and channel.
+/// Reads the section "animations". Channels without a node are left out, and those of properties that neither
+/// core glTF nor KHR_animation_pointer with FindPointer() animates; the latter are counted. Errors:
+/// kInvalidArgument naming the animation and channel.
 absl::Status ParseAnimations(const nlohmann::json& section, std::vector<Animation>* animations,
                              Diagnostics* diagnostics);
 

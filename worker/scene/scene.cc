@@ -95,7 +95,7 @@ Camera FittedCamera(const Scene& scene, float aspect) {
 
 }  // namespace
 
-std::array<TextureUse, 12> TexturesOf(const Material& material) {
+std::array<TextureUse, 17> TexturesOf(const Material& material) {
   return {{{&material.base.color_texture, true},
            {&material.base.metallic_roughness_texture, false},
            {&material.normal_map.texture, false},
@@ -107,7 +107,12 @@ std::array<TextureUse, 12> TexturesOf(const Material& material) {
            {&material.clearcoat.roughness_texture, false},
            {&material.clearcoat.normal_map.texture, false},
            {&material.sheen.color_texture, true},
-           {&material.sheen.roughness_texture, false}}};
+           {&material.sheen.roughness_texture, false},
+           {&material.anisotropy.texture, false},
+           {&material.diffuse_transmission.factor_texture, false},
+           {&material.diffuse_transmission.color_texture, true},
+           {&material.iridescence.factor_texture, false},
+           {&material.iridescence.thickness_texture, false}}};
 }
 
 Bounds WorldBounds(const Scene& scene) {
@@ -122,6 +127,24 @@ Bounds WorldBounds(const Scene& scene) {
     for (int i = 0; i < 8; ++i) Extend(&world, instance.world_from_object.Point(Corner(bounds, i)));
   }
   return world;
+}
+
+void AddShadowGround(Scene* scene) {
+  const Bounds bounds = WorldBounds(*scene);
+  if (bounds.IsEmpty()) return;
+  const Vec3 extent = bounds.max - bounds.min;
+  const float size = std::max(Length(extent), 1e-3f);
+  constexpr float kWide = 20;      // of that size
+  constexpr float kBelow = 1e-5f;  // so that faces on the ground are in front of it
+  const Vec3 middle = (bounds.min + bounds.max) * 0.5f;
+  const float y = bounds.min.y - kBelow * size;
+  const float half = kWide * size;
+  Mesh ground;
+  for (const auto& [x, z] : {std::pair{-half, half}, {half, half}, {half, -half}, {-half, -half}})
+    ground.positions.push_back({middle.x + x, y, middle.z + z});
+  ground.triangles = {0, 1, 2, 0, 2, 3};
+  scene->catchers.push_back({static_cast<int>(scene->meshes.size()), {}, "ground"});
+  scene->meshes.push_back(std::move(ground));
 }
 
 absl::StatusOr<Camera> FindCamera(const Scene& scene, const std::string& name, float aspect) {

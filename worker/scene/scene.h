@@ -16,11 +16,23 @@ namespace lumifold::scene {
 /// The index of no object.
 inline constexpr int kNone = -1;
 
-/// A decoded picture: 8-bit RGBA as in the file, rows from the top (v = 0 is the first row, as in glTF).
+/// A decoded picture: RGBA as in the file, rows from the top (v = 0 is the first row, as in glTF).
 struct ImageData {
   int width = 0;
   int height = 0;
   std::vector<uint8_t> rgba;
+  std::vector<uint16_t> rgba16 = {};  // in its place, of a picture with 16 bits a channel
+
+  bool is_deep() const { return !rgba16.empty(); }
+  size_t bytes() const { return rgba.size() + rgba16.size() * sizeof(uint16_t); }
+  /// The one of the two that has codes of this type.
+  template <typename Code>
+  const std::vector<Code>& codes() const {
+    if constexpr (sizeof(Code) == 1)
+      return rgba;
+    else
+      return rgba16;
+  }
 };
 /// Scenes that show the same picture share it.
 using SharedImage = std::shared_ptr<const ImageData>;
@@ -94,6 +106,28 @@ struct Material {
     float roughness = 0;           // perceptual: sheen alpha = roughness^2
     TextureRef roughness_texture;  // A
   };
+  /// KHR_materials_anisotropy: one direction of the base's microfacets is rougher.
+  struct Anisotropy {
+    float strength = 0;
+    Vec2 direction = {1, 0};  // of the greater roughness, along tangent and bitangent; turns the texture's
+    TextureRef texture;       // R and G direction, B strength
+  };
+  /// KHR_materials_diffuse_transmission: the part of the diffuse base's light that leaves on the other side.
+  struct DiffuseTransmission {
+    float factor = 0;
+    TextureRef factor_texture;  // A
+    Vec3 color = {1, 1, 1};     // in place of the base colour
+    TextureRef color_texture;   // sRGB
+  };
+  /// KHR_materials_iridescence: a film about as thin as a wavelength of light.
+  struct Iridescence {
+    float factor = 0;
+    TextureRef factor_texture;  // R
+    float ior = 1.3f;
+    float min_thickness_nm = 100;  // where the texture is 0
+    float max_thickness_nm = 400;
+    TextureRef thickness_texture;  // G
+  };
   /// KHR_materials_volume.
   struct Volume {
     bool is_solid = false;  // thickness > 0: refracts; else thin
@@ -114,6 +148,9 @@ struct Material {
   Transmission transmission;
   Clearcoat clearcoat;
   Sheen sheen;
+  Anisotropy anisotropy;
+  DiffuseTransmission diffuse_transmission;
+  Iridescence iridescence;
   Volume volume;
 };
 
@@ -124,7 +161,7 @@ struct TextureUse {
 };
 
 /// All of a material's references, including those that name no texture.
-std::array<TextureUse, 12> TexturesOf(const Material& material);
+std::array<TextureUse, 17> TexturesOf(const Material& material);
 
 /// Triangles of one material. Vectors other than positions and triangles are empty or as long as positions.
 struct Mesh {
@@ -175,6 +212,7 @@ struct Scene {
   std::array<double, 3> origin = {};
   std::vector<Mesh> meshes;
   std::vector<Instance> instances;
+  std::vector<Instance> catchers;  // seen by the camera alone, and only the shadows on them
   std::vector<Material> materials;
   std::vector<Texture> textures;
   std::vector<SharedImage> images;
@@ -198,6 +236,10 @@ struct Bounds {
 
 /// A box around all instances in world space: the union of the transformed boxes of their meshes.
 Bounds WorldBounds(const Scene& scene);
+
+/// Adds a catcher of shadows: a level square just below the instances, wide enough for long shadows. A scene
+/// without instances gets none.
+void AddShadowGround(Scene* scene);
 
 /// The camera of this name or number; the first one if `name` is empty. A scene without cameras gets a
 /// camera that views all of it from three quarters and slightly above, as large as a frame of this aspect

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <exception>
+#include <limits>
 #include <memory>
 #include <utility>
 
@@ -55,15 +56,22 @@ int SourceOf(const tinygltf::Texture& texture) {
   return texture.source;
 }
 
+template <typename Code>
+void MakeRoughness(float glossiness, std::vector<Code>* codes) {
+  constexpr Code kMost = std::numeric_limits<Code>::max();
+  for (size_t i = 0; i < codes->size(); i += 4) {
+    const float glossy = glossiness * static_cast<float>((*codes)[i + 3]);
+    (*codes)[i] = (*codes)[i + 2] = 0;
+    (*codes)[i + 1] = static_cast<Code>(float{kMost} + 0.5f - glossy);
+    (*codes)[i + 3] = kMost;
+  }
+}
+
 /// A metallic-roughness picture of a dielectric of that glossiness times the picture's alpha.
 ImageData Roughness(const ImageData& image, float glossiness) {
   ImageData made = image;
-  for (size_t i = 0; i < made.rgba.size(); i += 4) {
-    const float glossy = glossiness * static_cast<float>(image.rgba[i + 3]);
-    made.rgba[i] = made.rgba[i + 2] = 0;
-    made.rgba[i + 1] = static_cast<uint8_t>(255.5f - glossy);
-    made.rgba[i + 3] = 255;
-  }
+  MakeRoughness(glossiness, &made.rgba);
+  MakeRoughness(glossiness, &made.rgba16);
   return made;
 }
 

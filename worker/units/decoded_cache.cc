@@ -16,7 +16,7 @@ namespace {
 
 using SharedEnvironment = std::shared_ptr<const render::Environment>;
 
-uint64_t BytesOf(const scene::ImageData& image) { return image.rgba.size(); }
+uint64_t BytesOf(const scene::ImageData& image) { return image.bytes(); }
 
 absl::StatusOr<SharedEnvironment> DecodeEnvironment(const v1::EnvironmentMap& environment,
                                                     const std::string& file) {

@@ -90,6 +90,7 @@ scene::LoadOptions OptionsOf(const v1::JobSpec& spec, int frame, TaskPool* pool)
   options.time_seconds = SecondsOf(spec, frame);
   options.animation = spec.animation();
   options.variant = spec.variant();
+  options.catches_shadows = spec.background() == v1::BACKGROUND_TRANSPARENT;
   options.pool = pool;
   return options;
 }
@@ -106,6 +107,7 @@ render::RenderSettings SettingsOf(const v1::JobSpec& spec) {
     settings.frame = {spec.crop().frame_width(), spec.crop().frame_height(), spec.crop().x(),
                       spec.crop().y()};
   if (spec.has_pixel_filter()) settings.pixel_filter = PixelFilterOf(spec.pixel_filter());
+  settings.is_transparent = spec.background() == v1::BACKGROUND_TRANSPARENT;
   settings.lens = {spec.lens().f_stop(), spec.lens().focus_metres()};
   return settings;
 }
@@ -149,6 +151,7 @@ absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchA
   if (!scene.ok()) return scene.status();
   file->clear();
   file->shrink_to_fit();
+  if (spec.ground() == v1::GROUND_SHADOW) scene::AddShadowGround(&*scene);
   JobScene job;
   job.scene = std::make_shared<scene::Scene>(*std::move(scene));
   job.settings = SettingsOf(spec);

@@ -273,6 +273,7 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
       unit.stats.add_warnings(std::move(warning));
     *unit.stats.mutable_camera() = MatricesOf(renderer.camera(), renderer.scene());
     if (loaded->in_studio) DescribeStudio(&unit.stats);
+    unit.stats.set_catches_shadows(renderer.CatchesShadows());
     if (spec.cryptomatte() && lease.unit().tile() == 0) AddObjects(renderer.scene(), &unit.stats);
   } else {
     unit.image = renderer.RenderPass(rect, lease.unit().frame(), SamplesOf(lease, rect), &counts);

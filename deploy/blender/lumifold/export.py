@@ -15,6 +15,10 @@ from .program import Picture
 from .textures import TextureFiles
 
 
+# Property of a node whose mesh shows shadows alone, where the film is transparent.
+SHADOW_CATCHER = "lumifold_shadow_catcher"
+
+
 class ExportError(Exception):
     """The scene cannot be rendered; the text says why."""
 
@@ -35,7 +39,8 @@ def export(depsgraph, folder, size, is_cancelled=lambda: False):
     environment = world.write_environment(scene.world, folder, scene.lumifold.world_width,
                                           scene.frame_current)
     frame = max(scene.frame_current, 0)
-    return Picture(str(path), size, frame, environment, f_stop, focus)
+    return Picture(str(path), size, frame, environment, f_stop, focus,
+                   transparent=scene.render.film_transparent)
 
 
 def add_objects(depsgraph, builder, folder, is_cancelled=lambda: False):
@@ -61,7 +66,8 @@ def add_objects(depsgraph, builder, folder, is_cancelled=lambda: False):
                     "meshes", {"name": thing.data.name, "primitives": primitives}) if primitives else None
                 meshes_by_key[key] = made
             if meshes_by_key[key] is not None:
-                builder.node(thing.name, instance.matrix_world, mesh=meshes_by_key[key])
+                extras = {"extras": {SHADOW_CATCHER: True}} if thing.is_shadow_catcher else {}
+                builder.node(thing.name, instance.matrix_world, mesh=meshes_by_key[key], **extras)
 
 
 def mesh_key(thing, bakes):

@@ -52,14 +52,14 @@ def wanted(view_layer, settings):
 
 def pixels_of(name, film, background=None, transparent=False):
     """Array of (height, width, channels), rows from the top. `film` has the file's channels, `background`
-    what a ray without a hit sees in each pixel (None: nothing)."""
+    what a ray without a hit sees in each pixel (None: nothing). A transparent film is without it already."""
     alpha = film["A"]
     empty = (1 - alpha)[..., None]
     sky = numpy.zeros((*alpha.shape, 3), numpy.float32) if background is None else empty * background
     if name in ("Combined", "Noisy Image"):
         rgb = layer(film, "noisy" if name == "Noisy Image" else "")
         if transparent:
-            return numpy.dstack([numpy.maximum(rgb - sky, 0) * (alpha > 0)[..., None], alpha])
+            return numpy.dstack([rgb, alpha])
         return numpy.dstack([rgb, numpy.ones_like(alpha)])
     if name == "Depth":
         return numpy.where(alpha > 0, film["Z"], BACKGROUND_DEPTH)[..., None]
@@ -68,6 +68,8 @@ def pixels_of(name, film, background=None, transparent=False):
     if name == "Environment":
         return sky
     if name == "Emission":
+        if transparent:
+            return layer(film, "emission")
         return numpy.maximum(layer(film, "emission") - sky, 0) * (alpha > 0)[..., None]
     return layer(film, LAYERS[name])
 

@@ -80,6 +80,7 @@ class Picture:
     f_stop: float = 0
     focus_metres: float = 0
     region: tuple = ()  # X0, Y0, X1, Y1 from the top left; all pixels without one
+    transparent: bool = False  # without the environment behind the scene; shadow catchers show shadows
     folders: tuple = ()  # outside the scene's own, whose files the scene names
 
     def options(self):
@@ -87,6 +88,7 @@ class Picture:
         options += ["--env", self.environment] if self.environment else []
         if self.f_stop:
             options += ["--f-stop", format_number(self.f_stop), "--focus", format_number(self.focus_metres)]
+        options += ["--background", "transparent"] if self.transparent else []
         if self.region:
             options += ["--region", ",".join(map(str, self.region))]
         for folder in self.folders:

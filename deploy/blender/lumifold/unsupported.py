@@ -24,7 +24,7 @@ def losses_of(scene):
 
     for thing in scene.objects:
         if not thing.hide_render:
-            look_at_object(thing, lose, scene.lumifold.soft_points)
+            look_at_object(thing, lose, scene)
     will_bake = scene.lumifold.bake_resolution > 0
     for material, has_uv in materials_of(scene):
         baked = materials.Texture("") if will_bake and has_uv else None
@@ -56,7 +56,7 @@ def materials_of(scene):
     return found.values()
 
 
-def look_at_object(thing, lose, soft_points):
+def look_at_object(thing, lose, scene):
     if thing.type in LOST_TYPES:
         lose(f"Not rendered, {LOST_TYPES[thing.type]}", thing.name)
     for system in thing.particle_systems:
@@ -65,12 +65,14 @@ def look_at_object(thing, lose, soft_points):
     if versions.has_light_linking(thing):
         lose("Light linking (lights reach all objects)", thing.name)
     if thing.type == "LIGHT":
-        look_at_light(thing, lose, soft_points)
+        look_at_light(thing, lose, scene.lumifold.soft_points)
     elif any(not getattr(thing, f"visible_{ray}", True)
              for ray in ("camera", "diffuse", "glossy", "transmission", "shadow")):
         lose("Ray visibility (all rays see it)", thing.name)
-    elif thing.is_holdout or thing.is_shadow_catcher:
-        lose("Holdout and shadow catcher", thing.name)
+    elif thing.is_holdout:
+        lose("Holdout", thing.name)
+    elif thing.is_shadow_catcher and not scene.render.film_transparent:
+        lose("Shadow catcher without a transparent film (shown like others)", thing.name)
 
 
 def look_at_light(thing, lose, soft_points):

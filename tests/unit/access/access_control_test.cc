@@ -111,6 +111,15 @@ TEST_F(AccessControlTest, WhoComesWithAnExpiredTokenIsToldSoForAWeek) {
   EXPECT_EQ(told_after(absl::Hours(24 * 7)), "the token is not valid");
 }
 
+TEST_F(AccessControlTest, KnowsWhoIsAdmittedFromItsStartOn) {
+  const absl::StatusOr<v1::LoginResponse> login =
+      Login(Invite(v1::HOLDER_KIND_PERSON, "ann", {v1::ACCESS_SCOPE_READ}));
+  ASSERT_TRUE(login.ok());
+  const absl::StatusOr<std::unique_ptr<AccessControl>> next = AccessControl::Open(Options());
+  ASSERT_TRUE(next.ok());
+  EXPECT_TRUE((*next)->known().OfToken(login->token(), now_).ok());
+}
+
 TEST_F(AccessControlTest, ARevocationCountsOnOtherCoordinatorsToo) {
   absl::StatusOr<std::unique_ptr<AccessControl>> other = AccessControl::Open(Options());
   ASSERT_TRUE(other.ok());

@@ -74,6 +74,33 @@ TEST_F(RunClientTest, UploadsNothingOfASceneThatAWorkerWouldRefuse) {
   EXPECT_EQ(Err(), "lumifold: room.gltf: no camera 'top'\nlumifold: room.gltf: needs EXT_new\n");
   EXPECT_THAT(farm_.uploads(), IsEmpty());
   EXPECT_THAT(farm_.submissions(), IsEmpty());
+  EXPECT_EQ(Run({"submit", scene_, "--unchecked"}), 0) << Err();
+}
+
+TEST_F(RunClientTest, SendsTheHeightOfTheCamera) {
+  constexpr char kTall[] = R"({"asset":{"version":"2.0"},"nodes":[{"camera":0}],"cameras":[
+      {"type":"perspective","perspective":{"yfov":1,"aspectRatio":0.75}}]})";
+  const std::string tall = folder_.Write("tall.gltf", kTall);
+  EXPECT_EQ(Run({"submit", tall, "--size", "300", "--region", "0,0,300,400"}), 0);
+  EXPECT_EQ(Run({"submit", scene_, "--size", "512"}), 0);
+  EXPECT_EQ(farm_.submissions()[0].spec().crop().frame_height(), 400);
+  EXPECT_EQ(farm_.submissions()[1].spec().height(), 384);
+  EXPECT_EQ(Run({"submit", tall, "--size", "16000"}), 2);
+  EXPECT_THAT(Err(), HasSubstr("would be higher than 16384"));
+  EXPECT_EQ(Run({"submit", folder_.File("none.glb"), "--size", "512"}), 4);
+}
+
+TEST_F(RunClientTest, SendsBackgroundAndGround) {
+  EXPECT_EQ(Run({"submit", scene_, "--ground", "shadow"}), 0);
+  EXPECT_EQ(Run({"submit", scene_, "--background", "transparent"}), 0);
+  EXPECT_EQ(Run({"submit", scene_, "--background", "environment", "--ground", "none"}), 0);
+  const auto spec = [&](size_t i) { return farm_.submissions()[i].spec(); };
+  EXPECT_EQ(spec(0).ground(), v1::GROUND_SHADOW);
+  EXPECT_EQ(spec(0).background(), v1::BACKGROUND_TRANSPARENT);
+  EXPECT_EQ(spec(1).ground(), v1::GROUND_NONE);
+  EXPECT_EQ(spec(1).background(), v1::BACKGROUND_TRANSPARENT);
+  EXPECT_EQ(spec(2).background(), v1::BACKGROUND_ENVIRONMENT);
+  EXPECT_EQ(Run({"submit", scene_, "--background", "green"}), 2);
 }
 
 TEST_F(RunClientTest, SendsTheFramesAndTheirSpeed) {

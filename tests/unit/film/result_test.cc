@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "filter/image/exr_io.h"
 #include "tests/support/film_of_units.h"
 #include "tests/support/temp_folder.h"
@@ -65,6 +67,18 @@ TEST(Result, KeepsTheWholeFilmWhenAsked) {
     EXPECT_THAT(names, Contains(name));
     EXPECT_THAT(Names(Result(Spec())), Not(Contains(name)));
   }
+}
+
+TEST(Result, OfATransparentPictureHasItsOpacity) {
+  v1::JobSpec spec = Spec();
+  spec.set_background(v1::BACKGROUND_TRANSPARENT);
+  const LayeredImage plain = Result(spec);
+  EXPECT_EQ(Names(plain), Names(Result(Spec())));
+  EXPECT_EQ(plain.metadata().at("lumifold.background"), "transparent");
+  spec.set_save_film(true);
+  const LayeredImage film = Result(spec);
+  EXPECT_THAT(Names(film), Contains("opacity.Y"));
+  EXPECT_EQ(film.Get("A").At(3, 2), std::clamp(film.Get("opacity.Y").At(3, 2), 0.0f, 1.0f));
 }
 
 TEST(Result, ReflectionIsWhatTheOtherLayersLeave) {

@@ -236,6 +236,13 @@ TEST(BilateralFilter, AgreesWithTheSumOverEachPixelsNeighbours) {
   }
 }
 
+/// So small against the differences of RandomPlanes() that weights differ: within the noise all are 1.
+Planes RandomVariances(size_t count, int width, int height, uint32_t seed) {
+  Planes planes = RandomPlanes(count, width, height, seed);
+  for (Plane& plane : planes) ForEachPixel(width, height, [&](int x, int y) { plane.At(x, y) *= 0.1f; });
+  return planes;
+}
+
 /// The weight of q for p, from its definition.
 double SlowWeight(const Planes& guide, const Planes& variance, const NonLocalMeansParams& params, int px,
                   int py, int qx, int qy) {
@@ -267,7 +274,7 @@ TEST(NonLocalMeans, AgreesWithTheSumOverPatches) {
   const Planes signal = RandomPlanes(1, kWidth, kHeight, 4);
   for (const size_t guides : {size_t{1}, size_t{3}}) {
     const Planes guide = RandomPlanes(guides, kWidth, kHeight, 5);
-    const Planes variance = RandomPlanes(guides, kWidth, kHeight, 6);
+    const Planes variance = RandomVariances(guides, kWidth, kHeight, 6);
     const Planes filtered = NonLocalMeans(signal, guide, variance, params, nullptr);
     ForEachPixel(kWidth, kHeight, [&](int x, int y) {
       double sum = 0;
@@ -348,7 +355,7 @@ TEST(PatchRegression, AgreesWithWindowsFittedOneByOne) {
   constexpr int kHeight = 22;
   const Planes image = RandomPlanes(3, kWidth, kHeight, 10);
   const Planes guide = RandomPlanes(3, kWidth, kHeight, 11);
-  const Planes variance = RandomPlanes(3, kWidth, kHeight, 12);
+  const Planes variance = RandomVariances(3, kWidth, kHeight, 12);
   const Planes features = RandomPlanes(1, kWidth, kHeight, 13);
   const RegressionInput input = {image, guide, variance, features, 0.8f};
   const Planes fitted = PatchRegression(input, nullptr);

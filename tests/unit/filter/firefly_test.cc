@@ -33,6 +33,12 @@ Halves FlatHalves(int width, int height, float value) {
   return halves;
 }
 
+void SetBoth(int x, int y, float value, Halves* halves) {
+  for (Planes* half : {&halves->a, &halves->b}) {
+    for (Plane& plane : *half) plane.At(x, y) = value;
+  }
+}
+
 TEST(Fireflies, AreCutToTheBoundAndWhatTheyLoseIsKept) {
   Halves halves = FlatHalves(11, 9, 1.0f);
   for (Plane& plane : halves.a) plane.At(5, 4) = 1000.0f;
@@ -56,17 +62,26 @@ TEST(Fireflies, AnExcessThatTheOtherHalfShowsMostOfStays) {
   EXPECT_EQ(halves.b[0].At(5, 4), 5.5f);
 }
 
+// Of the 25 pixels of the window, 19 are dark. That is one more than the quantile needs.
+TEST(Fireflies, AreJudgedByEachSideOfTheWindow) {
+  for (const auto& [dx, dy] : {std::pair(-2, 0), {2, 0}, {0, -2}, {0, 2}}) {
+    Halves halves = FlatHalves(11, 9, 1.0f);
+    for (int i = -2; i <= 2; ++i) SetBoth(5 + (dx != 0 ? dx : i), 4 + (dy != 0 ? dy : i), 1e4f, &halves);
+    for (Plane& plane : halves.a) plane.At(5, 4) = 1000.0f;
+    ASSERT_FALSE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr)[0].empty()) << dx << "," << dy;
+    EXPECT_NEAR(halves.a[0].At(5, 4), 2.0f, 1e-3f) << dx << "," << dy;
+  }
+}
+
 TEST(Fireflies, BrightPixelsThatBothHalvesSeeStay) {
   Halves halves = FlatHalves(11, 9, 1.0f);
-  for (Planes* half : {&halves.a, &halves.b}) {
-    for (Plane& plane : *half) plane.At(5, 4) = 1000.0f;
-  }
+  SetBoth(5, 4, 1000, &halves);
   EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr)[0].empty());
   EXPECT_EQ(halves.a[1].At(5, 4), 1000.0f);
 }
 
-/// Halves of which every second pixel has nothing in one of them, about `bright` pixels that both see.
-Halves NoisyHalves(int bright) {
+/// Halves of which every second pixel has nothing in one of them.
+Halves NoisyHalves() {
   Halves halves = FlatHalves(11, 9, 0.0f);
   for (Planes* half : {&halves.a, &halves.b}) {
     for (Plane& plane : *half) {
@@ -74,21 +89,25 @@ Halves NoisyHalves(int bright) {
         for (int x = 0; x < 11; ++x)
           plane.At(x, y) = (x + y) % 2 == (half == &halves.a ? 0 : 1) ? 2.0f : 0.0f;
       }
-      for (int i = 0; i < bright; ++i) plane.At(5 + i, 4) = 1000.0f;
     }
   }
   return halves;
 }
 
 TEST(Fireflies, ThatBothHalvesCaughtAreToldByTheNoiseAbout) {
-  Halves halves = NoisyHalves(1);
+  Halves halves = NoisyHalves();
+  SetBoth(5, 4, 1000, &halves);
   ASSERT_FALSE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr)[0].empty());
   // Two deviations of a half of which every second pixel is black, over a quantile of 1.
   const float bound = 1 + 2 * std::sqrt(2.0f * 98 / 99);
   EXPECT_NEAR(halves.a[1].At(5, 4), bound, 1e-3f);
   EXPECT_NEAR(halves.b[1].At(5, 4), bound, 1e-3f);
-  Halves two = NoisyHalves(2);  // no longer by chance
-  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &two, nullptr)[0].empty());
+  for (const auto& [dx, dy] : {std::pair(-2, 0), {2, 0}, {0, -2}, {0, 2}}) {
+    Halves two = NoisyHalves();  // no longer by chance
+    SetBoth(5, 4, 1000, &two);
+    SetBoth(5 + dx, 4 + dy, 1000, &two);
+    EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &two, nullptr)[0].empty()) << dx << "," << dy;
+  }
 }
 
 TEST(Fireflies, AmongBlackPixelsAreCutToTwiceTheMeanOfTheOthers) {
@@ -127,7 +146,7 @@ TEST(Fireflies, AreNotLookedForInDifferences) {
 }
 
 TEST(Fireflies, AreNotLookedForWithinWhatNoiseAloneExceeds) {
-  Halves halves = NoisyHalves(0);
+  Halves halves = NoisyHalves();
   for (Plane& plane : halves.a) plane.At(5, 4) = 3.5f;
   EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr)[0].empty());
   for (Plane& plane : halves.a) plane.At(5, 4) = 4.5f;

@@ -177,6 +177,9 @@ TEST(JobSpec, EachBadFieldIsNamed) {
          s.mutable_crop()->set_y(-1);
        },
        "crop.y is -1, not 0 to 0"},
+      {[](auto& s) { s.set_background(v1::Background(2)); }, "background is 2, which is none"},
+      {[](auto& s) { s.set_ground(v1::Ground(2)); }, "ground is 2, which is none"},
+      {[](auto& s) { s.set_ground(v1::GROUND_SHADOW); }, "ground: a shadow needs a transparent background"},
       {[](auto& s) { s.mutable_pixel_filter()->set_width(0); },
        "pixel_filter.width is 0, not above 0 and at most 8"},
       {[](auto& s) { s.mutable_pixel_filter()->set_width(HUGE_VALF); }, "pixel_filter.width is inf"},

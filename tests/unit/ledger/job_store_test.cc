@@ -357,6 +357,7 @@ TEST_P(JobStoreTest, FramesAreRecordedOnceAndTheirUnitsGo) {
   }
   EXPECT_EQ(Get("j-a").estimated_error, 3.0);
   EXPECT_THAT(*store_->FinishedFrames(JobId("j-a")), ElementsAre(1, 3));
+  EXPECT_THAT(*store_->DeliverersOf(JobId("j-a")), ElementsAre("host:17")) << "of its units, too";
   EXPECT_THAT(Units("j-a", 1), IsEmpty());
   EXPECT_THAT(Units("j-a"), SizeIs(1));
   const JobRecord job = Get("j-a");

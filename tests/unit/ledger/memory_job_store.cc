@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 #include <tuple>
 #include <utility>
 
@@ -31,6 +32,7 @@ struct StoredJob {
   std::string request;
   JobRecord record;
   std::map<int32_t, Frame> frames;
+  std::set<std::string> deliverers;
 };
 
 }  // namespace
@@ -190,6 +192,12 @@ class MemoryJobStore final : public JobStore {
       if (frame.is_finished) frames.push_back(number);
     }
     return frames;
+  }
+
+  absl::StatusOr<std::vector<std::string>> DeliverersOf(const JobId& id) override {
+    const StoredJob* job = Find(id);
+    if (job == nullptr) return Unknown(id);
+    return std::vector<std::string>(job->deliverers.begin(), job->deliverers.end());
   }
 
   absl::Status EndJob(const OwnedJob& owned, v1::JobState state, const std::string& error) override {
@@ -371,6 +379,7 @@ class MemoryJobStore final : public JobStore {
         return absl::AlreadyExistsError(Describe(unit.unit));
     }
     for (const auto& [key, unit] : units) {
+      if (!unit.worker.empty()) job->deliverers.insert(unit.worker);
       job->frames[key.frame].units.emplace(key, unit);
       if (!unit.cost.has_value()) continue;
       JobUsage& usage = UsageOf(*job, DayOf(unit.cost->at));

@@ -2,7 +2,15 @@
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
 #include "absl/strings/str_cat.h"
+#include "server/ledger/sql_job_store.h"
+#include "server/ledger/sqlite_connection.h"
 #include "server/ledger/sqlite_job_store.h"
 #include "tests/support/faulty_vfs.h"
 #include "tests/support/temp_folder.h"
@@ -49,6 +57,31 @@ std::string IntegrityOf(const std::string& path) {
   sqlite3_close(db);
   return answer;
 }
+
+/// A connection one of whose statements fails without reaching the database.
+class FailingConnection final : public SqlConnection {
+ public:
+  /// `*left`: the number of the statement that fails, from 1, of all connections that share it; 0 afterwards.
+  FailingConnection(std::unique_ptr<SqlConnection> connection, int64_t* left)
+      : connection_(std::move(connection)), left_(left) {}
+
+  const SqlDialect& dialect() const override { return connection_->dialect(); }
+  absl::Status RunScript(const std::string& sql) override {
+    return sql != "ROLLBACK" && Fails() ? Error() : connection_->RunScript(sql);
+  }
+  absl::StatusOr<int64_t> SchemaVersion() override { return connection_->SchemaVersion(); }
+  absl::Status SetSchemaVersion(int64_t version) override { return connection_->SetSchemaVersion(version); }
+
+ private:
+  absl::Status RunChecked(const std::string& sql, absl::Span<const SqlParams> batch, Visit visit) override {
+    return Fails() ? Error() : connection_->RunBatch(sql, batch, visit);
+  }
+  bool Fails() { return *left_ > 0 && --*left_ == 0; }
+  static absl::Status Error() { return absl::UnavailableError("as a test wants it"); }
+
+  const std::unique_ptr<SqlConnection> connection_;
+  int64_t* const left_;
+};
 
 class SqliteFaultTest : public ::testing::Test {
  protected:
@@ -173,6 +206,37 @@ TEST_F(SqliteFaultTest, APowerCutAtEachCallOfAnUpgrade) {
       return;
     }
     ASSERT_EQ(state, expected);
+  }
+}
+
+TEST_F(SqliteFaultTest, AnErrorOfEachStatementIsThatOfItsCallWhichDoesNothing) {
+  for (int64_t statement = 1;; ++statement) {
+    SCOPED_TRACE(absl::StrCat("statement ", statement));
+    Clear();
+    ASSERT_TRUE(OpenSqliteJobStore(path_).ok());  // makes the tables
+    int64_t left = statement;
+    const auto open = [&] {
+      return std::make_unique<FailingConnection>(*SqliteConnection::Open(path_), &left);
+    };
+    store_ = MakeSqlJobStore(open(), open());
+    for (size_t i = 0; i < expected_.history.size(); ++i) {
+      const Step& step = expected_.history[i];
+      const bool may_fail = left > 0;
+      absl::Status status = step.run(*store_).status();
+      if (may_fail && left == 0) {
+        EXPECT_TRUE(absl::IsUnavailable(status)) << step.name << ": " << status;
+        EXPECT_EQ(Dump(*store_), expected_.states[i]) << step.name;
+        status = step.run(*store_).status();
+      }
+      ASSERT_TRUE(status.ok()) << step.name << ": " << status;
+    }
+    const bool has_failed = left == 0;
+    left = 0;
+    ASSERT_EQ(Dump(*store_), expected_.states.back());
+    if (!has_failed) {
+      EXPECT_GT(statement, 50);
+      return;
+    }
   }
 }
 

@@ -5,11 +5,15 @@
 #include <sqlite3.h>
 
 #include <fstream>
+#include <functional>
+#include <memory>
 #include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "server/job/limits.h"
+#include "server/ledger/sqlite_connection.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/ledger/job_store_fixture.h"
 #include "tests/unit/ledger/old_schemas.h"
@@ -148,6 +152,25 @@ TEST_F(SqliteJobStoreTest, ADamagedRowOfAUnitIsAnErrorOfItsJobOnly) {
   const auto ignore = [](const UnitRecord&) {};
   EXPECT_EQ(store->ForEachUnit(JobId("j-a"), std::nullopt, ignore).code(), StatusCode::kInternal);
   EXPECT_TRUE(store->ForEachUnit(JobId("j-b"), std::nullopt, ignore).ok());
+}
+
+TEST_F(SqliteJobStoreTest, AValueOfAnotherTypeThanWasAskedForIsNotReadable) {
+  const std::unique_ptr<SqliteConnection> connection = *SqliteConnection::Open(path_);
+  const std::vector<std::function<void(SqlRow&)>> readers = {
+      [](SqlRow& row) { row.Int(); }, [](SqlRow& row) { row.Real(); }, [](SqlRow& row) { row.Text(); },
+      [](SqlRow& row) { row.Bytes(); }};
+  const std::vector<std::string> values = {"7", "1.5", "'oak'", "x'6f'", "NULL"};
+  for (size_t value = 0; value < values.size(); ++value) {
+    for (size_t reader = 0; reader < readers.size(); ++reader) {
+      ASSERT_TRUE(connection
+                      ->Query("SELECT " + values[value], {},
+                              [&](SqlRow& row) {
+                                readers[reader](row);
+                                EXPECT_EQ(row.is_readable(), value == reader) << values[value];
+                              })
+                      .ok());
+    }
+  }
 }
 
 TEST_F(SqliteJobStoreTest, PurgedRowsAndDeletedJobsLeaveNothing) {

@@ -1,10 +1,13 @@
 #include "client/pictures/display_file.h"
 
 #include <gtest/gtest.h>
+#include <png.h>
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "filter/image/file_io.h"
 #include "filter/image/layered_image.h"
@@ -47,6 +50,44 @@ TEST(WriteDisplayed, TheEndOfTheNameSaysWhatIsWritten) {
   ASSERT_EQ(WriteDisplayed(folder.PathOf("low.jpeg"), image.GetColor(""), {.jpeg_quality = 5}),
             absl::OkStatus());
   EXPECT_LT(Bytes(folder, "low.jpeg").size(), Bytes(folder, "a.JPG").size());
+}
+
+/// The RGBA of a PNG.
+std::vector<uint8_t> Rgba(const std::string& path) {
+  png_image image = {};
+  image.version = PNG_IMAGE_VERSION;
+  EXPECT_NE(png_image_begin_read_from_file(&image, path.c_str()), 0);
+  image.format = PNG_FORMAT_RGBA;
+  std::vector<uint8_t> bytes(PNG_IMAGE_SIZE(image));
+  EXPECT_NE(png_image_finish_read(&image, nullptr, bytes.data(), 0, nullptr), 0);
+  return bytes;
+}
+
+TEST(WriteDisplayed, APngHasTheLightOfWhatIsCoveredAndA) {
+  const TempFolder folder;
+  LayeredImage image(3, 1);
+  const FloatView alpha = image.Add("A");
+  const float covered[3] = {1, 0.5f, 0};
+  for (int x = 0; x < 3; ++x) alpha.At(x, 0) = covered[x];
+  for (const FloatView& channel : image.AddColor("")) {
+    channel.At(0, 0) = 0.2f;
+    channel.At(1, 0) = 0.1f;  // half of a pixel of the same surface
+  }
+  const ConstFloatView seen = std::as_const(image).Get("A");
+  const uint8_t grey = 124;  // of 0.2
+  for (const std::optional<float> exposure : {std::optional<float>(1), std::optional<float>()}) {
+    ASSERT_EQ(WriteDisplayed(folder.PathOf("a.png"), std::as_const(image).GetColor(""),
+                             {.exposure = exposure}, &seen),
+              absl::OkStatus());
+    const std::vector<uint8_t> bytes = Rgba(folder.PathOf("a.png"));
+    EXPECT_TRUE(bytes[0] == grey || !exposure.has_value()) << int{bytes[0]};
+    EXPECT_EQ(bytes[4], bytes[0]) << "no fringe";
+    EXPECT_EQ(bytes[3], 255);
+    EXPECT_EQ(bytes[7], 128);
+    EXPECT_EQ(bytes[11], 0);
+  }
+  ASSERT_EQ(WriteDisplayed(folder.PathOf("a.jpg"), std::as_const(image).GetColor(""), {}, &seen),
+            absl::OkStatus());
 }
 
 TEST(DisplayWriter, RowsGiveTheFileOfTheWhole) {

@@ -1,8 +1,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "absl/functional/function_ref.h"
@@ -124,25 +126,44 @@ TEST(Layers, TheRemainderIsSmall) {
 }
 
 TEST(Layers, AUnitIsTheSumOfItsSamples) {
-  const auto renderer = MakeRenderer(RoomOf(Glass(true)), SettingsOf(24, 18));
+  const Material glowing = testing::Emitter({0.5f, 0.3f, 0.2f});
+  const auto renderer = MakeRenderer(RoomOf(Glass(true), &glowing), SettingsOf(24, 18));
   RenderCounts counts;
-  const Rect rect = {14, 9, 22, 16};
+  const Rect rect = {1, 2, 24, 18};
   const LayeredImage unit = renderer->RenderPass(rect, 0, {0, 6}, &counts).pixels;
-  double glossy = 0;
-  double through_glass = 0;
-  double hits_behind_glass = 0;
+  std::map<std::string, double> expected;  // by channel
+  for (const LayeredImage::Channel& channel : unit.channels()) expected[channel.name] = 0;
   ForEachSample(*renderer, rect, 6, [&](const SampleRecord& record) {
-    glossy += static_cast<double>(record.layers.glossy.x);
-    if (!record.layers.levels.IsSet(kTransmission2)) return;
-    const LevelSample& level = record.layers.levels[kTransmission2];
-    through_glass += static_cast<double>(level.albedo.z);
-    hits_behind_glass += level.has_diffuse ? 1 : 0;
+    const auto add = [&](std::string_view layer, Vec3 value) {
+      for (size_t c = 0; c < 3; ++c)
+        expected[layers::ColorChannels(layer)[c]] += static_cast<double>(value[static_cast<int>(c)]);
+    };
+    const bool is_a = record.index % 2 == 0;
+    const auto half_of = [&](std::string_view layer) {
+      return is_a ? layers::HalfA(layer) : layers::HalfB(layer);
+    };
+    const std::string_view samples = is_a ? layers::kSamplesA : layers::kSamplesB;
+    const LayerSample& sample = record.layers;
+    add(half_of(layers::kNoisy), sample.combined);
+    add(half_of(layers::kDirect), sample.direct);
+    add(half_of(layers::kIndirect), sample.indirect);
+    add(half_of(layers::kGlossy), sample.glossy);
+    add(layers::kAlbedo, sample.albedo);
+    add(layers::kEmission, sample.emitted);
+    add(layers::kGlossyAlbedo, sample.glossy_albedo);
+    expected[std::string(samples)] += 1;
+    sample.levels.ForEach([&](layers::Level level, const LevelSample& seen) {
+      add(half_of(layers::OfLevel(level, layers::kDirect)), seen.direct);
+      add(half_of(layers::OfLevel(level, layers::kIndirect)), seen.indirect);
+      add(layers::OfLevel(level, layers::kAlbedo), seen.albedo);
+      add(layers::OfLevel(level, layers::kEmission), seen.emitted);
+      expected[layers::OfLevel(level, samples)] += seen.has_diffuse ? 1 : 0;
+    });
   });
-  EXPECT_GT(through_glass, 0);
-  EXPECT_NEAR(SumOf(unit, "glossy_a.R") + SumOf(unit, "glossy_b.R"), glossy, 1e-4 * (1 + glossy));
-  EXPECT_NEAR(SumOf(unit, "transmission2_albedo.B"), through_glass, 1e-4 * (1 + through_glass));
-  EXPECT_EQ(SumOf(unit, "transmission2_samples_a.Y") + SumOf(unit, "transmission2_samples_b.Y"),
-            hits_behind_glass);
+  for (const auto& [channel, sum] : expected)
+    EXPECT_NEAR(SumOf(unit, channel), sum, 1e-4 * (1 + sum)) << channel;
+  EXPECT_GT(expected["transmission2_albedo.B"], 0);
+  EXPECT_GT(expected["reflection1_emission.G"], 0);
 }
 
 TEST(Layers, AUnitWithoutMirrorsHasNoLevels) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <vector>
@@ -185,6 +186,43 @@ TEST(Lights, AllKindsTogetherGiveTheSumOfEach) {
   room.materials[1].emission.radiance = {4, 4, 4};
   const double sum = lamp + rest + environment_behind_lamp;
   EXPECT_NEAR(brightness(true, true, true, true) / sum, 1, 5e-3);
+}
+
+TEST(Lights, TheDensityOfASampleHasTheProbabilityOfItsLight) {
+  Scene scene;
+  scene.materials = {testing::Emitter({4, 4, 4})};
+  testing::Place(&scene, testing::QuadMesh({-1, 3, -1}, {2, 0, 0}, {0, 0, 2}, 0));
+  scene.lights = {Hanging(PunctualLight::Kind::kPoint, 2), Hanging(PunctualLight::Kind::kDirectional, 1)};
+  LayeredImage picture(4, 2);
+  for (const FloatView& channel : picture.AddColor("")) {
+    ForEachPixel(4, 2, [&](int x, int y) { channel.At(x, y) = 0.1f + static_cast<float>(x + y); });
+  }
+  const auto environment = *Environment::Create(picture, 10, 1);
+  const TextureSampler textures(scene);
+  const LightSet lights(scene, textures, environment);
+  const LightReceiver from = {{0, 0, 0}, {0, 1, 0}};
+  constexpr int kPicks = 4000;
+  std::array<int, 4> picked = {};  // environment, sun, lamp, point
+  std::array<float, 4> probability = {};
+  for (int i = 0; i < kPicks; ++i) {
+    const LightSample sample = lights.Sample(from, (static_cast<float>(i) + 0.5f) / kPicks, {0.3f, 0.7f});
+    const bool is_near = std::isfinite(sample.distance);
+    const size_t kind = (is_near ? 2 : 0) + (sample.is_delta ? 1 : 0);
+    ++picked[kind];
+    float density = 1;  // of the light's own samples
+    if (kind == 0) {
+      density = environment->Density(sample.direction);
+      EXPECT_NEAR(sample.pdf / lights.EnvironmentDensity(sample.direction), 1, 1e-4f);
+    }
+    if (kind == 2) {
+      density = sample.distance * sample.distance / (4 * sample.direction.y);
+      EXPECT_NEAR(sample.pdf / lights.DensityOfHit(from, 0, 0, sample.distance, sample.direction.y), 1,
+                  1e-4f);
+    }
+    probability[kind] = sample.pdf / density;
+  }
+  for (size_t kind = 0; kind < 4; ++kind)
+    EXPECT_NEAR(probability[kind], static_cast<float>(picked[kind]) / kPicks, 1e-3f) << kind;
 }
 
 TEST(Lights, ATriangleIsTheSameWhicheverOfItsCornersIsFirst) {

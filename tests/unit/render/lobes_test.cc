@@ -3,6 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
+#include <memory>
+#include <utility>
 
 #include "filter/image/mix_bits.h"
 #include "worker/render/materials/bsdf.h"
@@ -27,8 +30,23 @@ class Factors {
   uint64_t count_ = 0;
 };
 
-Material RandomMaterial(Factors* next) {
+/// A texture of one texel, half of the time: each channel is another factor.
+scene::TextureRef RandomTexture(Factors* next, scene::Scene* scene) {
+  if (next->Next() < 0.5f) return {};
+  scene::ImageData texel = {.width = 1, .height = 1, .rgba = {}};
+  for (size_t channel = 0; channel < 4; ++channel)
+    texel.rgba.push_back(static_cast<uint8_t>(255.0f * next->Next()));
+  scene->textures.push_back({.image = static_cast<int>(scene->images.size())});
+  scene->images.push_back(std::make_shared<const scene::ImageData>(std::move(texel)));
+  return {.texture = static_cast<int>(scene->textures.size()) - 1};
+}
+
+Material RandomMaterial(Factors* next, scene::Scene* scene) {
   Material m;
+  for (scene::TextureRef* texture :
+       {&m.base.metallic_roughness_texture, &m.specular.factor_texture, &m.transmission.texture,
+        &m.clearcoat.factor_texture, &m.clearcoat.roughness_texture})
+    *texture = RandomTexture(next, scene);
   m.base.color = {next->Next(), next->Next(), next->Next()};
   m.base.metallic = next->Next();
   m.base.roughness = next->Next();
@@ -40,17 +58,21 @@ Material RandomMaterial(Factors* next) {
   m.clearcoat.roughness = next->Next();
   m.sheen.color = Vec3{1, 1, 1} * (next->Next() > 0.5f ? 1.0f : 0.0f);
   m.sheen.roughness = next->Next();
+  m.anisotropy.strength = next->Next();
+  m.diffuse_transmission.factor = next->Next();
+  m.iridescence.factor = next->Next();
   m.unlit = next->Next() * next->Next() * next->Next() == 1;
   return m;
 }
 
-// The renderer believes LobesOf(): a lobe that a BSDF has must be in the set.
+// The renderer relies on LobesOf(): a lobe that a BSDF has must be in the set.
 TEST(Lobes, NoLobeOfABsdfIsMissing) {
   Factors next;
-  const AlbedoTable table(AlbedoTable::Contents{.sheen = true, .glass_iors = {1.0f, 1.5f}});
+  const AlbedoTable table(
+      AlbedoTable::Contents{.anisotropic = true, .sheen = true, .glass_iors = {1.0f, 1.5f}});
   for (int i = 0; i < 400; ++i) {
     scene::Scene scene;
-    scene.materials = {RandomMaterial(&next)};
+    scene.materials = {RandomMaterial(&next, &scene)};
     const Material& material = scene.materials[0];
     const TextureSampler textures(scene);
     const SurfaceReader reader(scene, textures);
@@ -62,6 +84,7 @@ TEST(Lobes, NoLobeOfABsdfIsMissing) {
         surface.material = &material;
         surface.front = front;
         surface.coat_normal = {0, 0, 1};
+        surface.anisotropy = Vec3{0.6f, 0.8f, 0} * material.anisotropy.strength;
         const SurfaceMaterial values = reader.Shade(surface);
         const Bsdf bsdf(values, table, {0, 0, 1}, {0, 0, 1}, {std::sqrt(1.0f - cosine * cosine), 0, cosine});
         EXPECT_LE(bsdf.HasDiffuse(), lobes.diffuse) << i;

@@ -70,20 +70,40 @@ TEST(Renderer, CoatedWhiteLosesOnlySingleScatteringEnergy) {
   }
 }
 
-TEST(Renderer, DirectLightOfAQuadMatchesTheClosedForm) {
-  // A small patch under the centre of a square light: irradiance from the form factors of four parallel
-  // rectangles.
+/// A small patch under the centre of a square light of radiance 3, seen from above or below.
+LayeredImage PatchUnderALight(const scene::Material& patch, bool from_above) {
   scene::Scene scene;
-  scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f}), testing::Emitter({3, 3, 3})};
+  scene.materials = {patch, testing::Emitter({3, 3, 3})};
   testing::Place(&scene, testing::QuadMesh({-5, 0, -5}, {0, 0, 10}, {10, 0, 0}, 0));
   testing::Place(&scene, testing::QuadMesh({-1, 2, -1}, {2, 0, 0}, {0, 0, 2}, 1));
-  scene.cameras = {testing::LookAt({0, 1, 0}, {0, 0, 0}, 0.001f)};
-  const LayeredImage image = RenderAll(*MakeRenderer(scene, 8, 8, 0), 8, 8, 1024);
+  scene.cameras = {testing::LookAt({0, from_above ? 1.0f : -1.0f, 0}, {0, 0, 0}, 0.001f)};
+  return RenderAll(*MakeRenderer(scene, 8, 8, 0), 8, 8, 1024);
+}
+
+/// Its irradiance over pi, from the form factors of four parallel rectangles.
+double LightOnThePatch() {
   const double x = 0.5;  // half side over distance
   const double root = std::sqrt(1 + x * x);
-  const double form_factor = 4 * (x / root * std::atan(x / root) * 2) / (2 * M_PI);
-  EXPECT_NEAR(MeanOf(image, layers::kDirect), 3 * form_factor, 3 * form_factor * 2e-3);
-  EXPECT_NEAR(MeanOf(image, layers::kNoisy), 0.5 * 3 * form_factor, 3e-3);
+  return 3 * 4 * (x / root * std::atan(x / root) * 2) / (2 * M_PI);
+}
+
+TEST(Renderer, DirectLightOfAQuadMatchesTheClosedForm) {
+  const LayeredImage image = PatchUnderALight(testing::Lambert({0.5f, 0.5f, 0.5f}), true);
+  EXPECT_NEAR(MeanOf(image, layers::kDirect), LightOnThePatch(), LightOnThePatch() * 2e-3);
+  EXPECT_NEAR(MeanOf(image, layers::kNoisy), 0.5 * LightOnThePatch(), 3e-3);
+}
+
+TEST(Renderer, BackLitLeavesMatchTheClosedForm) {
+  scene::Material leaf = testing::Lambert({0.5f, 0.5f, 0.5f});
+  leaf.diffuse_transmission.factor = 0.75f;
+  leaf.diffuse_transmission.color = {0.1f, 0.8f, 0.2f};
+  const LayeredImage below = PatchUnderALight(leaf, false);
+  for (int channel = 0; channel < 3; ++channel) {
+    const double expected = 0.75 * double{leaf.diffuse_transmission.color[channel]} * LightOnThePatch();
+    EXPECT_NEAR(MeanOf(below, layers::kNoisy, channel), expected, 3e-3) << channel;
+  }
+  EXPECT_EQ(MeanOf(below, layers::kDirect), 0);
+  EXPECT_NEAR(MeanOf(PatchUnderALight(leaf, true), layers::kNoisy), 0.25 * 0.5 * LightOnThePatch(), 3e-3);
 }
 
 TEST(Renderer, SingleSidedLightsEmitFromTheirFrontOnly) {
@@ -160,6 +180,33 @@ TEST(Renderer, APartOfAFrameHasTheBitsOfItsPixels) {
         RenderAll(*MakeRenderer(testing::Furnace(testing::Lambert({1, 1, 1})), settings), 9, 7, 4);
     ExpectSameBits(part, Cut(whole, {11, 5, 20, 12}));
   }
+}
+
+/// Clear glass that does not bend light, and takes half of the red on each metre.
+scene::Material RedAbsorber() {
+  scene::Material material;
+  material.ior = 1;
+  material.base.roughness = 0;
+  material.base.metallic = 0;
+  material.transmission.factor = 1;
+  material.volume = {.is_solid = true, .attenuation_color = {0.5f, 1, 1}, .attenuation_distance = 1};
+  return material;
+}
+
+TEST(Renderer, ACameraInsideASolidIsReachedThroughIt) {
+  scene::Scene room;
+  room.materials = {RedAbsorber(), testing::Emitter({2, 2, 2}), testing::Lambert({0.5f, 0.5f, 0.5f})};
+  testing::Place(&room, testing::SphereMesh(1, 24, 0));
+  testing::PlaceBoxInside(&room, 3, {1, 1, 1, 1, 1, 1});
+  room.cameras = {testing::LookAt({0, 0, 0}, {0, 0.2f, -1}, 0.5f)};
+  const auto inside = RenderAll(*MakeRenderer(room, SettingsOf(4, 4)), 4, 4, 4);
+  EXPECT_NEAR(MeanOf(inside, layers::kNoisy, 0), 1, 0.01);
+  EXPECT_NEAR(MeanOf(inside, layers::kNoisy, 1), 2, 0.01);
+  // A sheet behind the camera's back is no solid, however its sides lie.
+  scene::Scene sheet = room;
+  sheet.meshes[0] = testing::QuadMesh({-1, -1, -1}, {0, 2, 0}, {2, 0, 0}, 0);
+  const auto open = RenderAll(*MakeRenderer(sheet, SettingsOf(4, 4)), 4, 4, 4);
+  EXPECT_NEAR(MeanOf(open, layers::kNoisy, 0), 2, 0.01);
 }
 
 }  // namespace

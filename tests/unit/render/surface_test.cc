@@ -89,6 +89,79 @@ TEST(Surface, ReadsTheAttributesOfAllThreeCorners) {
   }
 }
 
+TEST(Surface, TurnsItsAnisotropyFromTheTangent) {
+  for (const bool front : {true, false}) {
+    for (const float handedness : {1.0f, -1.0f}) {
+      Scene scene = TriangleFrom(0);
+      scene.meshes[0].normals.assign(3, {0, 0, 1});
+      scene.meshes[0].tangents.assign(3, {0, 1, 0, handedness});
+      scene.materials[0].anisotropy.strength = 0.5f;
+      scene.materials[0].anisotropy.direction = {0.6f, 0.8f};
+      const auto read = [&] {
+        const TextureSampler textures(scene);
+        const SurfaceReader reader(scene, textures);
+        Ray ray;
+        ray.direction = {0, 0, front ? -1.0f : 1.0f};
+        const Surface surface = reader.Read(HitOf(0, kWeights), ray);
+        EXPECT_EQ(reader.Shade(surface).anisotropy, surface.anisotropy);
+        return surface.anisotropy;
+      };
+      // The bitangent is -X, on either side.
+      ExpectNear(read(), Vec3{-0.8f * handedness, 0.6f, 0} * 0.5f);
+      // The texture's direction is its bitangent, and it has two thirds of the strength.
+      scene.images = {std::make_shared<const scene::ImageData>(scene::ImageData{1, 1, {128, 255, 170, 255}})};
+      scene.textures = {{.image = 0}};
+      scene.materials[0].anisotropy.texture.texture = 0;
+      EXPECT_NEAR(Length(read() - Vec3{-0.6f * handedness, -0.8f, 0} * (1.0f / 3)), 0, 3e-3f);
+      scene.meshes[0].tangents.clear();
+      EXPECT_EQ(read(), (Vec3{0, 0, 0}));
+    }
+  }
+}
+
+TEST(Surface, ReadsDiffuseTransmissionFromItsTextures) {
+  Scene scene = TriangleFrom(0);
+  scene.images = {std::make_shared<const scene::ImageData>(scene::ImageData{1, 1, {255, 0, 255, 51}})};
+  scene.textures = {{.image = 0}};
+  auto& transmission = scene.materials[0].diffuse_transmission;
+  transmission.factor = 0.5f;
+  transmission.color = {0.5f, 1, 0.25f};
+  transmission.factor_texture.texture = transmission.color_texture.texture = 0;
+  const TextureSampler textures(scene);
+  const SurfaceReader reader(scene, textures);
+  Ray ray;
+  ray.direction = {0, 0, -1};
+  const SurfaceMaterial values = reader.Shade(reader.Read(HitOf(0, kWeights), ray));
+  EXPECT_NEAR(values.diffuse_transmission, 0.1f, 1e-6f);
+  ExpectNear(values.diffuse_transmission_color, {0.5f, 0, 0.25f});
+}
+
+TEST(Surface, ReadsFilmsFromTheirTextures) {
+  Scene scene = TriangleFrom(0);
+  auto& film = scene.materials[0].iridescence;
+  film.factor = 0.5f;
+  film.ior = 1.7f;
+  film.min_thickness_nm = 0;
+  film.max_thickness_nm = 500;
+  const auto read = [&scene] {
+    const TextureSampler textures(scene);
+    const SurfaceReader reader(scene, textures);
+    Ray ray;
+    ray.direction = {0, 0, -1};
+    return reader.Shade(reader.Read(HitOf(0, kWeights), ray));
+  };
+  EXPECT_EQ(read().film_thickness_nm, 500);
+  EXPECT_EQ(read().film_ior, 1.7f);
+  EXPECT_EQ(read().iridescence, 0.5f);
+  scene.images = {std::make_shared<const scene::ImageData>(scene::ImageData{1, 1, {204, 51, 0, 0}})};
+  scene.textures = {{.image = 0}};
+  film.factor_texture.texture = film.thickness_texture.texture = 0;
+  EXPECT_NEAR(read().film_thickness_nm, 100, 1e-3f);
+  EXPECT_NEAR(read().iridescence, 0.4f, 1e-6f);
+  scene.images = {std::make_shared<const scene::ImageData>(scene::ImageData{1, 1, {204, 0, 0, 0}})};
+  EXPECT_EQ(read().iridescence, 0) << "no thickness, no film";
+}
+
 TEST(Surface, OneCornersNormalMakesATriangleSmooth) {
   const Vec3 tilted = Normalize(Vec3{0.4f, 0.2f, 1});
   for (size_t first = 0; first < 3; ++first) {

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "filter/image/color.h"
 #include "filter/image/layers.h"
 #include "filter/image/mix_bits.h"
 #include "tests/support/analytic_scenes.h"
@@ -93,19 +94,68 @@ TEST(MipChain, TakesAThirdOfThePicturesMemory) {
 TEST(TransferTable, EncodesToTheNearestLinearValue) {
   for (const bool srgb : {false, true}) {
     const TransferTable code(srgb);
+    const auto encode = [&code](float linear) {
+      uint8_t byte = 0;
+      code.Encode(linear, &byte);
+      return byte;
+    };
     for (int i = 0; i < 256; ++i) {
       const auto byte = static_cast<uint8_t>(i);
-      EXPECT_EQ(code.Encode(code.Decode(byte)), byte);
+      EXPECT_EQ(encode(code.Decode(byte)), byte);
     }
     for (int i = 0; i <= 5000; ++i) {
       const float linear = static_cast<float>(i) / 5000;
-      const float off = std::abs(code.Decode(code.Encode(linear)) - linear);
+      const float off = std::abs(code.Decode(encode(linear)) - linear);
       for (int other = 0; other < 256; ++other)
         EXPECT_LE(off, std::abs(code.Decode(static_cast<uint8_t>(other)) - linear)) << linear;
     }
-    EXPECT_EQ(code.Encode(-1), 0);
-    EXPECT_EQ(code.Encode(2), 255);
+    EXPECT_EQ(encode(-1), 0);
+    EXPECT_EQ(encode(2), 255);
   }
+}
+
+TEST(TransferTable, HasAllCodesOfSixteenBits) {
+  for (const bool srgb : {false, true}) {
+    const TransferTable code(srgb);
+    for (int i = 0; i < 65536; ++i) {
+      const auto wide = static_cast<uint16_t>(i);
+      uint16_t back = 0;
+      code.Encode(code.Decode(wide), &back);
+      ASSERT_EQ(back, wide);
+      const float narrow = code.Decode(static_cast<uint8_t>(i / 257));
+      ASSERT_GE(code.Decode(wide), narrow - 1e-6f);
+      if (i % 257 == 0) {
+        ASSERT_LE(code.Decode(wide), narrow + 1e-6f);
+      }
+    }
+  }
+}
+
+TEST(Texture, KeepsSixteenBits) {
+  // A ramp of a 256th of the whole range, which has one code of 8 bits.
+  scene::Scene scene;
+  scene::ImageData image;
+  image.width = 64;
+  image.height = 1;
+  for (int i = 0; i < 64; ++i)
+    image.rgba16.insert(image.rgba16.end(), 4, static_cast<uint16_t>(32000 + 4 * i));
+  scene.images.push_back(std::make_shared<const scene::ImageData>(image));
+  scene.textures.push_back({.image = 0, .wrap_s = scene::Wrap::kClamp});
+  scene.materials.emplace_back().normal_map.texture.texture = 0;
+  scene.materials[0].base.color_texture.texture = 0;
+  const scene::TextureRef ref = {.texture = 0};
+  const TextureSampler sampler(scene);
+  for (int i = 0; i < 64; ++i) {
+    const scene::Vec2 uv[2] = {{(static_cast<float>(i) + 0.5f) / 64, 0.5f}, {}};
+    const float value = static_cast<float>(32000 + 4 * i) / 65535;
+    EXPECT_NEAR(sampler.Sample(ref, uv, false).x, value, 1e-6f);
+    EXPECT_NEAR(sampler.Sample(ref, uv, true).y, LinearFromSrgb(value), 1e-6f);
+    EXPECT_NEAR(SampleAlpha(scene, ref, uv[0]), value, 1e-6f);
+  }
+  const scene::Vec2 middle[2] = {{0.5f, 0.5f}, {}};
+  const float mean = (32000 + 126.0f) / 65535;
+  EXPECT_NEAR(sampler.Sample(ref, middle, SquareOf(1), false).x, mean, 1e-5f) << "from mip levels";
+  EXPECT_NEAR(sampler.Mean(ref, false).x, mean, 1e-6f);
 }
 
 TEST(TextureSampler, MagnifiesBilinearlyWhateverTheFootprint) {

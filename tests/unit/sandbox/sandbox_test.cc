@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <fcntl.h>
 #include <gmock/gmock.h>
+#include <grp.h>
 #include <gtest/gtest.h>
 #include <netdb.h>
 #include <pwd.h>
@@ -217,9 +218,16 @@ TEST_F(SandboxTest, RootBecomesAnotherUserAndCannotReturn) {
   const passwd* nobody = getpwnam("nobody");
   ASSERT_NE(nobody, nullptr);
   const uid_t id = nobody->pw_uid;
-  EXPECT_EQ(
-      Try(&options, [id] { return getuid() == id && geteuid() == id && getgroups(0, nullptr) == 0 ? 0 : 1; }),
-      0);
+  const auto is_nobody_alone = [&] {
+    return Try(&options,
+               [id] { return getuid() == id && geteuid() == id && getgroups(0, nullptr) == 0 ? 0 : 1; });
+  };
+  EXPECT_EQ(is_nobody_alone(), 0);
+  const auto in_a_group = [&] {
+    const gid_t group = 12345;
+    return setgroups(1, &group) == 0 ? is_nobody_alone() : errno;
+  };
+  EXPECT_EQ(Try(nullptr, in_a_group), 0);
   EXPECT_EQ(Try(&options, [] { return setuid(0) == 0 ? 0 : errno; }), EPERM);
   ExpectRefused("passwords", [] { return OpenAndClose("/etc/shadow", O_RDONLY); }, EACCES, options);
 }

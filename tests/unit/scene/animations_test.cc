@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "absl/strings/str_cat.h"
 #include "tests/support/gltf_samples.h"
 #include "tests/unit/scene/load.h"
 
@@ -189,6 +190,87 @@ TEST(Animations, MorphMeshes) {
   EXPECT_THAT(positions(0), ElementsAre(Vec3{0, 0, 0}, Vec3{1, 0, 0}, Vec3{0, 1, 0}));
   EXPECT_THAT(positions(1), ElementsAre(Vec3{0, 0, 0}, Vec3{1.5f, 0, 0}, Vec3{0, 1.25f, 0}));
   EXPECT_THAT(positions(2), ElementsAre(Vec3{0, 0, 0}, Vec3{2, 0, 0}, Vec3{0, 1.5f, 0}));
+}
+
+/// `fixture` with the target of its animation replaced by a pointer.
+GltfFixture Pointed(GltfFixture fixture, const std::string& pointer) {
+  fixture.json["extensionsUsed"] = fixture.json["extensionsRequired"] = {"KHR_animation_pointer"};
+  fixture.json["animations"][0]["channels"][0]["target"] = {
+      {"path", "pointer"}, {"extensions", {{"KHR_animation_pointer", {{"pointer", pointer}}}}}};
+  return fixture;
+}
+
+GltfFixture PointedScalar(const std::string& pointer, const std::vector<float>& values) {
+  return Pointed(Animated("translation", "LINEAR", {0, 2}, values, "SCALAR"), pointer);
+}
+
+TEST(PointedAnimations, SetCameras) {
+  GltfFixture fixture = PointedScalar("/cameras/0/perspective/yfov", {0.5f, 1.5f});
+  fixture.Add("cameras", {{"type", "perspective"}, {"perspective", {{"yfov", 1}, {"znear", 0.1}}}});
+  fixture.AddNode({{"camera", 0}});
+  EXPECT_FLOAT_EQ(At(0, fixture).cameras[0].yfov, 0.5f);
+  EXPECT_FLOAT_EQ(At(1, fixture).cameras[0].yfov, 1);
+  EXPECT_TRUE(At(1, fixture).animated);
+  EXPECT_THAT(At(1, fixture).warnings, testing::Not(Contains(HasSubstr("pointer"))));
+}
+
+TEST(PointedAnimations, SetLights) {
+  GltfFixture fixture = Pointed(Animated("translation", "STEP", {0, 2}, {1, 0, 0, 0, 1, 0}),
+                                "/extensions/KHR_lights_punctual/lights/0/color");
+  fixture.json["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "point"}}};
+  fixture.AddNode({{"extensions", {{"KHR_lights_punctual", {{"light", 0}}}}}});
+  EXPECT_EQ(At(1, fixture).lights[0].color, (Vec3{1, 0, 0}));
+  EXPECT_EQ(At(3, fixture).lights[0].color, (Vec3{0, 1, 0}));
+}
+
+TEST(PointedAnimations, SetMaterialsAndTheirExtensions) {
+  for (const auto& [pointer, value] :
+       {std::pair<const char*, float Material::*>("alphaCutoff", &Material::alpha_cutoff),
+        {"extensions/KHR_materials_ior/ior", &Material::ior}}) {
+    GltfFixture fixture = PointedScalar(absl::StrCat("/materials/0/", pointer), {1, 2});
+    fixture.Add("materials", {{"alphaMode", "MASK"}});
+    fixture.json["meshes"][0]["primitives"][0]["material"] = 0;
+    EXPECT_FLOAT_EQ(At(1, fixture).materials[0].*value, 1.5f) << pointer;
+  }
+  GltfFixture fixture =
+      Pointed(Animated("translation", "LINEAR", {0, 2}, {0, 0, 0, 1, 1, 0.5f, 0, 0}, "VEC4"),
+              "/materials/0/pbrMetallicRoughness/baseColorFactor");
+  fixture.Add("materials", nlohmann::json::object());
+  EXPECT_EQ(At(1, fixture).materials[0].base.color, (Vec3{0.5f, 0.25f, 0}));
+}
+
+TEST(PointedAnimations, MoveAndHideNodes) {
+  const GltfFixture moved =
+      Pointed(Animated("translation", "LINEAR", {0, 2}, {0, 0, 0, 4, 0, 0}), "/nodes/0/translation");
+  EXPECT_EQ(OriginAt(1, moved), (Vec3{2, 0, 0}));
+  GltfFixture hidden = PointedScalar("/nodes/0/extensions/KHR_node_visibility/visible", {1, 0});
+  hidden.json["animations"][0]["samplers"][0]["interpolation"] = "STEP";
+  hidden.json["animations"][0]["samplers"][0]["output"] = hidden.AddBytes({1, 0}, "SCALAR", false);
+  hidden.json["nodes"][0]["translation"] = {7, 0, 0};
+  EXPECT_EQ(OriginAt(1, hidden), (Vec3{7, 0, 0}));
+  EXPECT_EQ(At(2, hidden).instances.size(), 0u);
+}
+
+TEST(PointedAnimations, NameWhatStandsStill) {
+  for (const char* pointer : {"/materials/0/extensions/KHR_new/value", "/materials/x/alphaCutoff", "",
+                              "alphaCutoff", "/nodes/0/weights/1", "/materials/0/alphaCutoff/1", "/~"}) {
+    const Scene scene = At(1, PointedScalar(pointer, {1, 2}));
+    EXPECT_THAT(scene.warnings, Contains(HasSubstr("left out"))) << pointer;
+    EXPECT_FALSE(scene.animated);
+  }
+  EXPECT_THAT(At(1, PointedScalar("/materials/12/extensions/KHR_new/value", {1, 2})).warnings,
+              Contains(HasSubstr("animations of /materials/#/extensions/KHR_new/value left out")));
+}
+
+TEST(PointedAnimations, RefuseWhatDoesNotExist) {
+  for (const char* pointer : {"/materials/9/alphaCutoff", "/cameras/0/perspective/yfov",
+                              "/extensions/KHR_lights_punctual/lights/0/range", "/nodes/7/scale",
+                              "/materials/0/pbrMetallicRoughness/baseColorTexture/extensions/"
+                              "KHR_texture_transform/rotation"}) {
+    GltfFixture fixture = PointedScalar(pointer, {1, 2});
+    fixture.Add("materials", nlohmann::json::object());
+    EXPECT_FALSE(LoadGltf(fixture.Glb(), "f.glb", nullptr).ok()) << pointer;
+  }
 }
 
 }  // namespace

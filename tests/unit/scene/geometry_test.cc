@@ -129,6 +129,30 @@ TEST(Geometry, IgnoresTangentsWithoutNormals) {
   EXPECT_THAT(MustLoad(fixture).meshes[0].tangents, IsEmpty());
 }
 
+/// A triangle whose u runs along +Y, of an anisotropic material.
+GltfFixture BrushedTriangle() {
+  GltfFixture fixture;
+  fixture.Add("materials", {{"extensions", {{"KHR_materials_anisotropy", {{"anisotropyStrength", 0.5}}}}}});
+  fixture.AddTriangles(kTriangle, {{"material", 0}});
+  return fixture;
+}
+
+TEST(Geometry, GeneratesTangentsForAnisotropy) {
+  GltfFixture fixture = BrushedTriangle();
+  const int uvs = fixture.AddFloats({0, 0, 0, 1, 1, 0}, "VEC2");
+  fixture.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = uvs;
+  const Scene scene = MustLoad(fixture);
+  ASSERT_EQ(scene.meshes[0].tangents.size(), 3u);
+  EXPECT_NEAR(scene.meshes[0].tangents[0].y, 1, 1e-6);
+}
+
+TEST(Geometry, CountsAnisotropicMeshesWithoutTangents) {
+  EXPECT_THAT(
+      MustLoad(BrushedTriangle()).warnings,
+      Contains("meshes without tangents and texture coordinates have round highlights: 1 (the first in "
+               "mesh 0 primitive 0)"));
+}
+
 TEST(Geometry, MakesAMeshOfEachPrimitive) {
   GltfFixture fixture;
   fixture.Add("materials", {{"name", "red"}});

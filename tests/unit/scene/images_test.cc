@@ -27,10 +27,12 @@ TEST(Images, DecodePngOfEveryChannelCount) {
   EXPECT_THAT(MustDecode(EncodePng(1, 1, 4, 8, false, {1, 2, 3, 4})).rgba, ElementsAre(1, 2, 3, 4));
 }
 
-TEST(Images, RoundSixteenBitPngToEight) {
-  // 0x8100 / 257 is 128.498; dropping the low byte would give 129.
-  EXPECT_THAT(MustDecode(EncodePng(1, 1, 3, 16, false, {0xff, 0xff, 0x81, 0x00, 0, 0})).rgba,
-              ElementsAre(255, 128, 0, 255));
+TEST(Images, KeepAllBitsOfSixteenBitPng) {
+  const ImageData colour = MustDecode(EncodePng(1, 1, 3, 16, false, {0xff, 0xff, 0x81, 0x00, 0, 1}));
+  EXPECT_THAT(colour.rgba16, ElementsAre(65535, 0x8100, 1, 65535));
+  EXPECT_THAT(colour.rgba, ElementsAre());
+  const ImageData grey = MustDecode(EncodePng(1, 1, 2, 16, true, {0x12, 0x34, 0x56, 0x78}));
+  EXPECT_THAT(grey.rgba16, ElementsAre(0x1234, 0x1234, 0x1234, 0x5678));
 }
 
 TEST(Images, DecodeInterlacedPngWithTheFirstRowOnTop) {

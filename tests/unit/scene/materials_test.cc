@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/support/gltf_fixture.h"
 #include "tests/unit/scene/load.h"
 
@@ -298,6 +300,51 @@ TEST(Materials, ReadCoatAndSheen) {
   EXPECT_EQ(m.sheen.roughness_texture.texture, 0);
 }
 
+TEST(Materials, ReadAnisotropy) {
+  const Material m = MaterialOf({{"extensions",
+                                  {{"KHR_materials_anisotropy",
+                                    {{"anisotropyStrength", 0.75},
+                                     {"anisotropyRotation", 0.5},
+                                     {"anisotropyTexture", {{"index", 0}, {"texCoord", 1}}}}}}}});
+  EXPECT_EQ(m.anisotropy.strength, 0.75f);
+  EXPECT_NEAR(m.anisotropy.direction.x, std::cos(0.5f), 1e-6f);
+  EXPECT_NEAR(m.anisotropy.direction.y, std::sin(0.5f), 1e-6f);
+  EXPECT_EQ(m.anisotropy.texture.texture, 0);
+  EXPECT_EQ(m.anisotropy.texture.uv_set, 1);
+}
+
+TEST(Materials, ReadDiffuseTransmission) {
+  const Material m =
+      MaterialOf({{"extensions",
+                   {{"KHR_materials_diffuse_transmission",
+                     {{"diffuseTransmissionFactor", 0.25},
+                      {"diffuseTransmissionTexture", {{"index", 0}}},
+                      {"diffuseTransmissionColorFactor", {1, 0.5, 0.25}},
+                      {"diffuseTransmissionColorTexture", {{"index", 0}, {"texCoord", 1}}}}}}}});
+  EXPECT_EQ(m.diffuse_transmission.factor, 0.25f);
+  EXPECT_EQ(m.diffuse_transmission.factor_texture.texture, 0);
+  EXPECT_EQ(m.diffuse_transmission.color, (Vec3{1, 0.5f, 0.25f}));
+  EXPECT_EQ(m.diffuse_transmission.color_texture.texture, 0);
+  EXPECT_EQ(m.diffuse_transmission.color_texture.uv_set, 1);
+}
+
+TEST(Materials, ReadIridescence) {
+  const Material m = MaterialOf({{"extensions",
+                                  {{"KHR_materials_iridescence",
+                                    {{"iridescenceFactor", 0.75},
+                                     {"iridescenceTexture", {{"index", 0}}},
+                                     {"iridescenceIor", 1.8},
+                                     {"iridescenceThicknessMinimum", 200},
+                                     {"iridescenceThicknessMaximum", 800},
+                                     {"iridescenceThicknessTexture", {{"index", 0}, {"texCoord", 1}}}}}}}});
+  EXPECT_EQ(m.iridescence.factor, 0.75f);
+  EXPECT_EQ(m.iridescence.factor_texture.texture, 0);
+  EXPECT_EQ(m.iridescence.ior, 1.8f);
+  EXPECT_EQ(m.iridescence.min_thickness_nm, 200);
+  EXPECT_EQ(m.iridescence.max_thickness_nm, 800);
+  EXPECT_EQ(m.iridescence.thickness_texture.uv_set, 1);
+}
+
 TEST(Materials, ReadTexturesOfExtensions) {
   const Material m = MaterialOf(
       {{"extensions",
@@ -325,7 +372,8 @@ TEST(Materials, RefuseMalformedTexturesOfExtensions) {
 TEST(Materials, DoNotDecodeTexturesOfFactorZero) {
   const Scene scene =
       MustLoad(WithMaterial({{"extensions",
-                              {{"KHR_materials_clearcoat", {{"clearcoatTexture", {{"index", 0}}}}},
+                              {{"KHR_materials_anisotropy", {{"anisotropyTexture", {{"index", 0}}}}},
+                               {"KHR_materials_clearcoat", {{"clearcoatTexture", {{"index", 0}}}}},
                                {"KHR_materials_sheen", {{"sheenColorTexture", {{"index", 0}}}}},
                                {"KHR_materials_transmission", {{"transmissionTexture", {{"index", 0}}}}}}}}));
   EXPECT_THAT(scene.images, IsEmpty());

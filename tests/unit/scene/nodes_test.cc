@@ -48,6 +48,27 @@ TEST(Nodes, ShareAMeshAmongInstances) {
   EXPECT_THAT(Origins(scene), ElementsAre(Vec3{0, 0, 0}, Vec3{3, 0, 0}));
 }
 
+TEST(Nodes, CatchShadowsWhereTheirPropertySaysSo) {
+  GltfFixture fixture = TriangleOfOneNode();
+  const auto load = [&](const json& value, bool catches) {
+    fixture.json["nodes"][0]["extras"] = {{kShadowCatcher, value}, {"other", "text"}};
+    LoadOptions options;
+    options.catches_shadows = catches;
+    return *LoadGltf(fixture.Glb(), "f.glb", nullptr, options);
+  };
+  for (const json& value : {json(true), json(1)}) {
+    const Scene scene = load(value, true);
+    EXPECT_THAT(scene.instances, IsEmpty());
+    ASSERT_EQ(scene.catchers.size(), 1u);
+    EXPECT_EQ(scene.catchers[0].mesh, 0);
+  }
+  for (const json& value : {json(false), json(0), json(), json("yes")})
+    EXPECT_THAT(load(value, true).catchers, IsEmpty()) << value;
+  const Scene opaque = load(true, false);
+  EXPECT_EQ(opaque.instances.size(), 1u);
+  EXPECT_THAT(opaque.warnings, Contains(HasSubstr("shadow catchers shown like other surfaces")));
+}
+
 TEST(Nodes, DoNotReadMeshesThatNoNodePlaces) {
   GltfFixture fixture = TriangleOfOneNode();
   fixture.AddMesh({{"attributes", {{"POSITION", 99}}}});

@@ -91,5 +91,24 @@ TEST(Scene, FittedCameraOfAnEmptySceneIsFinite) {
   EXPECT_TRUE(std::isfinite(Length(camera.world_from_camera.origin)));
 }
 
+TEST(ShadowGround, LiesJustBelowTheScene) {
+  Scene scene;
+  AddShadowGround(&scene);
+  EXPECT_TRUE(scene.catchers.empty());
+  scene.meshes.emplace_back().positions = {{-1, 0.5f, 0}, {1, 0.5f, 0}, {0, 2.5f, 0}};
+  scene.instances.push_back({0, {}, ""});
+  scene.instances[0].world_from_object.origin = {10, 1, 0};
+  const Bounds before = WorldBounds(scene);
+  AddShadowGround(&scene);
+  ASSERT_EQ(scene.catchers.size(), 1u);
+  const Mesh& ground = scene.meshes[static_cast<size_t>(scene.catchers[0].mesh)];
+  for (const Vec3 corner : ground.positions) {
+    EXPECT_LT(corner.y, 1.5f);
+    EXPECT_NEAR(corner.y, 1.5f, 1e-4f);
+    EXPECT_GT(std::abs(corner.x - 10), 20);
+  }
+  EXPECT_EQ(WorldBounds(scene).min, before.min) << "the camera is not moved";
+}
+
 }  // namespace
 }  // namespace lumifold::scene

@@ -38,6 +38,12 @@ class AuditTest : public ::testing::Test {
     EXPECT_EQ(Complete(lease, Describe(lease.unit) + salt), Completion::kAccepted);
     scheduler_.units().Commit(lease.unit);
   }
+  /// Two units, both of which are audited.
+  void AddJobRenderedByAnn() {
+    scheduler_.jobs().Add(kJob, RowSpec(1), {.audit_share = 1});
+    AddWorker(kAnn, 2);
+    for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
+  }
 };
 
 TEST_F(AuditTest, EqualResultsOfTwoWorkersSettleTheAuditAndTheFrame) {
@@ -65,9 +71,7 @@ TEST_F(AuditTest, EqualResultsOfTwoWorkersSettleTheAuditAndTheFrame) {
 }
 
 TEST_F(AuditTest, AnAuditThatStandsStillGoesToAnotherWorker) {
-  scheduler_.jobs().Add(kJob, RowSpec(1), {.audit_share = 1});
-  AddWorker(kAnn, 2);
-  for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
+  AddJobRenderedByAnn();
   AddWorker(kBen, 2);
   const auto audits = scheduler_.GrantLeases(now_);
   ASSERT_EQ(audits.size(), 2u);
@@ -149,9 +153,7 @@ TEST_F(AuditTest, AThirdWorkerDecidesAndTheFaultyOneLosesAllItsUnits) {
 }
 
 TEST_F(AuditTest, AnAuditorThatIsWrongIsFoundToo) {
-  scheduler_.jobs().Add(kJob, RowSpec(1), {.audit_share = 1});
-  AddWorker(kAnn, 2);
-  for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
+  AddJobRenderedByAnn();
   AddWorker(kBen, 1);
   const auto wrong = scheduler_.GrantLeases(now_);
   ASSERT_EQ(wrong.size(), 1u);
@@ -238,9 +240,7 @@ TEST_F(AuditTest, AResultThatIsWrittenOutlivesTheVerdict) {
 }
 
 TEST_F(AuditTest, AnAuditIsWaivedWhenNoOtherWorkerCanBeFound) {
-  scheduler_.jobs().Add(kJob, RowSpec(1), {.audit_share = 1});
-  AddWorker(kAnn, 2);
-  for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
+  AddJobRenderedByAnn();
   scheduler_.workers().Add(WorkerId(9), {.name = "host-1", .numeric_class = "avx2"});  // the same machine
   AddWorker(kBen, 1, "sse2");                                                          // another class
   EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Seconds(30));
@@ -254,9 +254,7 @@ TEST_F(AuditTest, AnAuditIsWaivedWhenNoOtherWorkerCanBeFound) {
 }
 
 TEST_F(AuditTest, AnAuditorThatFailsOrLeavesDoesNotEndTheAudit) {
-  scheduler_.jobs().Add(kJob, RowSpec(1), {.audit_share = 1});
-  AddWorker(kAnn, 2);
-  for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
+  AddJobRenderedByAnn();
   AddWorker(kBen, 2);
   const auto audits = scheduler_.GrantLeases(now_);
   ASSERT_EQ(audits.size(), 2u);
@@ -272,9 +270,7 @@ TEST_F(AuditTest, AnAuditorThatFailsOrLeavesDoesNotEndTheAudit) {
 }
 
 TEST_F(AuditTest, FiveWorkersOfWhichNoTwoAgreeGetNobodyBlocked) {
-  scheduler_.jobs().Add(kJob, RowSpec(1), {.audit_share = 1});
-  AddWorker(kAnn, 2);
-  for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
+  AddJobRenderedByAnn();
   for (int64_t i = 2; i <= 6; ++i) {
     AddWorker(WorkerId(i), 2);
     for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Complete(lease, absl::StrCat("mine ", i));

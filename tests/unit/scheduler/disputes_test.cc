@@ -121,6 +121,27 @@ TEST_F(DisputesTest, TwoWitnessesOrThreePartiesDecideAtOnce) {
   EXPECT_THAT(scheduler_.TakeFailedJobs(), SizeIs(1));
 }
 
+TEST_F(DisputesTest, WhoCalledOneUnitImpossibleIsAskedAboutTheFirstOfOthers) {
+  scheduler_.jobs().Add(kJob, Spec());
+  for (int64_t id : {1, 2, 3}) Add(id, absl::StrCat("host", id));
+  const std::vector<GrantedLease> wave = scheduler_.GrantLeases(now_);
+  ASSERT_THAT(wave, SizeIs(3));
+  for (const GrantedLease& lease : wave)
+    scheduler_.units().Fail(lease.worker, lease.unit, lease.attempt, kImpossible, now_);
+  EXPECT_THAT(scheduler_.TakeFailedJobs(), IsEmpty()) << "each of another unit";
+  for (int64_t id : {2, 3}) Fail(id);
+  EXPECT_THAT(scheduler_.TakeFailedJobs(), SizeIs(1));
+}
+
+TEST_F(DisputesTest, WhoDeliveredBeforeARestartIsAWitness) {
+  scheduler_.jobs().Add(kJob, Spec());
+  scheduler_.workers().AddWitness("lone");
+  Add(1, "lone");
+  Fail(1);
+  EXPECT_THAT(Wait(absl::Seconds(59)), IsEmpty());
+  EXPECT_THAT(Wait(absl::Seconds(1)), SizeIs(1));
+}
+
 TEST_F(DisputesTest, WorkersOfOneMachineAreOneParty) {
   scheduler_.jobs().Add(kJob, Spec());
   for (int64_t id = 1; id <= 5; ++id) Add(id, "host", id == 1 ? 1 : 4);
@@ -162,102 +183,6 @@ TEST_F(DisputesTest, ABadJobCostsAFewUnits) {
     for (int64_t id = 1; id <= 50; ++id) scheduler_.workers().Remove(WorkerId(id));
   }
 }
-
-// One machine that does to each unit what `spoil` says, restarts when it dies, and has the farm for itself for five
-// minutes; then a good one comes.
-class BadMachine {
- public:
-  enum class Kind { kFails, kFailsNotForGood, kDies, kDrops, kHangs, kFailsOneJob };
-
-  BadMachine(Scheduler* scheduler, Kind kind, absl::Time* now)
-      : scheduler_(scheduler), kind_(kind), now_(now) {
-    Connect();
-  }
-
-  void Take(const GrantedLease& lease) { held_.push_back(lease); }
-  void Step() {
-    std::vector<HeldLease> held;
-    for (const GrantedLease& lease : held_)
-      held.push_back({.unit = lease.unit, .attempt = lease.attempt, .progress = 0});
-    scheduler_->workers().Heartbeat(id_, held, job::Attempt(0), *now_);
-    if (held_.empty() || kind_ == Kind::kHangs) return;
-    const std::vector<GrantedLease> leases = std::exchange(held_, {});
-    if (kind_ == Kind::kDies) {
-      scheduler_->workers().Remove(id_);
-      return Connect();
-    }
-    if (kind_ == Kind::kDrops) {
-      scheduler_->workers().Heartbeat(id_, {}, leases.back().attempt, *now_);
-      return;
-    }
-    for (const GrantedLease& lease : leases) {
-      if (kind_ == Kind::kFailsOneJob && lease.unit.job != kJob) {
-        scheduler_->units().Complete(id_, lease.unit, lease.attempt, *now_);
-        scheduler_->units().Commit(lease.unit);
-      } else {
-        scheduler_->units().Fail(id_, lease.unit, lease.attempt,
-                                 {.permanent = kind_ != Kind::kFailsNotForGood, .error = "made up"}, *now_);
-      }
-    }
-  }
-
- private:
-  void Connect() {
-    id_ = WorkerId(++last_);
-    scheduler_->workers().Add(id_, {.name = absl::StrCat("bad:", last_),
-                                    .party = "bad",
-                                    .numeric_class = "avx2",
-                                    .instance = static_cast<uint64_t>(last_),
-                                    .slots = 2});
-  }
-
-  Scheduler* const scheduler_;
-  const Kind kind_;
-  absl::Time* const now_;
-  int64_t last_ = 100;
-  WorkerId id_;
-  std::vector<GrantedLease> held_;
-};
-
-class BadMachineTest : public SchedulerFixture, public ::testing::WithParamInterface<BadMachine::Kind> {};
-
-TEST_P(BadMachineTest, FailsNoJobThatAnotherMachineCanRender) {
-  std::vector<JobId> jobs;
-  for (int i = 0; i < 20; ++i) {
-    jobs.push_back(i == 0 ? kJob : JobId(absl::StrCat("job-", i)));
-    scheduler_.jobs().Add(jobs.back(), Spec());
-  }
-  absl::Time now = kStart;
-  BadMachine bad(&scheduler_, GetParam(), &now);
-  const bool is_witness = GetParam() == BadMachine::Kind::kFailsOneJob;
-  const absl::Duration alone = is_witness ? absl::Seconds(50) : absl::Minutes(5);
-  for (; now < kStart + absl::Hours(2); now += absl::Seconds(1)) {
-    if (now == kStart + alone)
-      scheduler_.workers().Add(kBen, {.name = "good", .numeric_class = "avx2", .slots = 2});
-    scheduler_.ExpireLeases(now);
-    for (const GrantedLease& lease : scheduler_.GrantLeases(now)) {
-      if (lease.worker != kBen) {
-        bad.Take(lease);
-        continue;
-      }
-      Receive({lease});
-      Commit(kBen, lease);
-    }
-    bad.Step();
-    ASSERT_THAT(scheduler_.TakeFailedJobs(), IsEmpty()) << "after " << now - kStart;
-    std::erase_if(jobs, [&](const JobId& job) {
-      const JobProgress progress = scheduler_.jobs().Progress(job);
-      return progress.units_done == progress.units_total;
-    });
-    if (jobs.empty()) break;
-  }
-  EXPECT_THAT(jobs, IsEmpty()) << "they are done after " << now - kStart;
-}
-
-INSTANTIATE_TEST_SUITE_P(Kinds, BadMachineTest,
-                         ::testing::Values(BadMachine::Kind::kFails, BadMachine::Kind::kFailsNotForGood,
-                                           BadMachine::Kind::kDies, BadMachine::Kind::kDrops,
-                                           BadMachine::Kind::kHangs, BadMachine::Kind::kFailsOneJob));
 
 }  // namespace
 }  // namespace lumifold::scheduler

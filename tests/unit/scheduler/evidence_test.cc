@@ -47,13 +47,16 @@ TEST_F(EvidenceTest, APartyCallsAUnitImpossibleOnceForAll) {
   EXPECT_EQ(Fail(kFirst, 1, ann_).Parties(), 1) << "the third time";
   const Evidence::Record& record = Fail(kFirst, 2, ann_again_, true);
   EXPECT_EQ(record.Parties(), 1);
-  EXPECT_EQ(record.Witnesses(), 0);
+  EXPECT_EQ(evidence_.WitnessesOf(record), 0);
   EXPECT_EQ(record.failures, 4);
   EXPECT_EQ(record.last_error, "error of ann:2");
   EXPECT_EQ(Fail(kFirst, 3, ben_, true).Parties(), 2);
-  EXPECT_EQ(record.Witnesses(), 1) << "ben has delivered units";
   EXPECT_EQ(evidence_.FirstDispute(7), kFirst);
   EXPECT_FALSE(evidence_.FirstDispute(8).has_value());
+  Fail({7, {0, 0}}, 1, ann_, true);
+  EXPECT_EQ(evidence_.FirstDispute(7), kFirst) << "in the order of the words, not of the units";
+  evidence_.Refute(kFirst);
+  EXPECT_EQ(evidence_.FirstDispute(7), (UnitIndex{7, {0, 0}}));
 }
 
 TEST_F(EvidenceTest, WhoCallsAUnitImpossibleIsKeptFromItsJobForAWhile) {
@@ -70,17 +73,19 @@ TEST_F(EvidenceTest, WhoCallsAUnitImpossibleIsKeptFromItsJobForAWhile) {
 
 TEST_F(EvidenceTest, ThePartyOfALaterDeliveryWasAWitness) {
   const Evidence::Record& record = Fail(kFirst, 1, ann_, true);
-  EXPECT_EQ(record.Witnesses(), 0);
+  EXPECT_EQ(evidence_.WitnessesOf(record), 0);
   evidence_.AddWitness("ben");
-  EXPECT_EQ(record.Witnesses(), 0);
+  EXPECT_EQ(evidence_.WitnessesOf(record), 0);
   evidence_.AddWitness("ann");
-  EXPECT_EQ(record.Witnesses(), 1);
+  EXPECT_EQ(evidence_.WitnessesOf(record), 1);
+  evidence_.AddProcess("ann", 2);
+  EXPECT_EQ(evidence_.WitnessesOf(Fail(kSecond, 2, ann_again_, true)), 1) << "its next process is one, too";
 }
 
 TEST_F(EvidenceTest, ANewProcessIsAskedAgainUnlessTheLastOneDied) {
   Fail(kFirst, 1, ann_, true);
   Fail(kOfOther, 3, ben_, true);
-  evidence_.AddLoss(kSecond, "ben", true, "lost", kNow);
+  evidence_.AddLoss(kSecond, "ben", "lost", kNow);
   evidence_.AddProcess("ann", 1);
   evidence_.AddProcess("ann", 0);
   EXPECT_TRUE(evidence_.IsExcluded(7, "ann", kNow)) << "its connection broke, or nobody knows";

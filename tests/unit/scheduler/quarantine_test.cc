@@ -22,7 +22,7 @@ class QuarantineTest : public ::testing::Test {
   }
 
   void MakeSuspect(const UnitIndex& unit) {
-    for (const char* worker : {"x", "y", "z"}) quarantine_.AddLoss(unit, worker, false);
+    for (const char* worker : {"x", "y", "z"}) quarantine_.AddLoss(unit, worker);
   }
   void Reserve(const Requirement* requirement = &kAvx2) {
     quarantine_.Reserve(
@@ -36,17 +36,17 @@ class QuarantineTest : public ::testing::Test {
 };
 
 TEST_F(QuarantineTest, AUnitIsSuspectFromTheThirdWorkerOrTheSixthLossOn) {
-  quarantine_.AddLoss(kFirst, "x", false);
-  quarantine_.AddLoss(kFirst, "y", false);
-  quarantine_.AddLoss(kSecond, "z", false);
+  quarantine_.AddLoss(kFirst, "x");
+  quarantine_.AddLoss(kFirst, "y");
+  quarantine_.AddLoss(kSecond, "z");
   EXPECT_FALSE(quarantine_.IsSuspect(kFirst));
-  for (int i = 0; i < 3; ++i) quarantine_.AddLoss(kFirst, "y", false);
+  for (int i = 0; i < 3; ++i) quarantine_.AddLoss(kFirst, "y");
   EXPECT_FALSE(quarantine_.IsSuspect(kFirst)) << "five losses of two workers";
-  quarantine_.AddLoss(kFirst, "x", false);
+  quarantine_.AddLoss(kFirst, "x");
   EXPECT_TRUE(quarantine_.IsSuspect(kFirst));
   EXPECT_FALSE(quarantine_.IsSuspect(kSecond));
-  quarantine_.AddLoss(kSecond, "x", false);
-  quarantine_.AddLoss(kSecond, "y", false);
+  quarantine_.AddLoss(kSecond, "x");
+  quarantine_.AddLoss(kSecond, "y");
   EXPECT_TRUE(quarantine_.IsSuspect(kSecond)) << "three workers";
 }
 
@@ -56,7 +56,7 @@ TEST_F(QuarantineTest, AnAcceptedUnitIsNoSuspectAnyMore) {
   quarantine_.Forget(kFirst);
   EXPECT_FALSE(quarantine_.IsSuspect(kFirst));
   EXPECT_THAT(quarantine_.waiting(), IsEmpty());
-  quarantine_.AddLoss(kFirst, "x", false);
+  quarantine_.AddLoss(kFirst, "x");
   EXPECT_FALSE(quarantine_.IsSuspect(kFirst)) << "losses are counted from the beginning";
 }
 
@@ -85,7 +85,7 @@ TEST_F(QuarantineTest, TheUnitIsReadyWhenItsWorkerHasNothingElse) {
 
 TEST_F(QuarantineTest, AWorkerThatWasNotLostWithTheUnitComesFirstThenAnIdleOne) {
   MakeSuspect(kFirst);
-  quarantine_.AddLoss(kFirst, "ann", false);
+  quarantine_.AddLoss(kFirst, "ann");
   workers_.TakeSlot(kBen);
   quarantine_.Enter(kFirst);
   Reserve();
@@ -149,7 +149,7 @@ TEST_F(QuarantineTest, AtMostSixteenWorkersAreReserved) {
 }
 
 TEST_F(QuarantineTest, AProcessThatIsHereAgainTakesItsOwnLossesBack) {
-  for (const char* party : {"x", "y", "ann"}) quarantine_.AddLoss(kFirst, party, party[0] == 'x');
+  for (const char* party : {"x", "y", "ann"}) quarantine_.AddLoss(kFirst, party);
   quarantine_.NoteAbsence(42, kFirst);
   quarantine_.NoteAbsence(0, kFirst);  // not known
   quarantine_.Enter(kFirst);
@@ -160,13 +160,13 @@ TEST_F(QuarantineTest, AProcessThatIsHereAgainTakesItsOwnLossesBack) {
   EXPECT_FALSE(quarantine_.IsSuspect(kFirst));
   EXPECT_TRUE(quarantine_.Release(kFirst));
   EXPECT_FALSE(quarantine_.Release(kFirst)) << "once";
-  EXPECT_THAT(quarantine_.LossesOf(kFirst), ElementsAre(Pair("x", true), Pair("y", false)));
+  EXPECT_THAT(quarantine_.LossesOf(kFirst), ElementsAre("x", "y"));
   EXPECT_THAT(quarantine_.TakeBackLosses(42, "x"), IsEmpty()) << "once";
 }
 
 TEST_F(QuarantineTest, AUnitThatIsStillSuspectStaysWhenAProcessIsHereAgain) {
   MakeSuspect(kFirst);
-  quarantine_.AddLoss(kFirst, "ann", false);
+  quarantine_.AddLoss(kFirst, "ann");
   quarantine_.NoteAbsence(42, kFirst);
   quarantine_.Enter(kFirst);
   quarantine_.TakeBackLosses(42, "ann");

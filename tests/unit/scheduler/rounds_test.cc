@@ -1,6 +1,7 @@
 // Frames with adaptive sampling: which units are leased when, and when they are committed.
 #include <memory>
 
+#include "absl/strings/str_cat.h"
 #include "tests/unit/scheduler/scheduler_fixture.h"
 
 namespace lumifold::scheduler {
@@ -22,15 +23,15 @@ class RoundsTest : public SchedulerFixture {
     scheduler_.workers().Add(kAnn, {.numeric_class = "avx2", .slots = 1000});
   }
 
-  /// After one estimate in which only tile 3 erred.
-  std::shared_ptr<const FrameRounds> Decided() const {
+  /// After one estimate in which only this tile of 2 x 2 erred.
+  std::shared_ptr<const FrameRounds> Decided(int tile = 3) const {
     v1::RoundEstimates estimates;
     v1::RoundEstimate* estimate = estimates.add_estimates();
     const int columns = BlocksIn(spec_.width());
     const int rows = BlocksIn(spec_.height());
     for (int row = 0; row < rows; ++row) {
       for (int column = 0; column < columns; ++column) {
-        estimate->add_errors(row >= rows / 2 && column >= columns / 2 ? 100 : 0);
+        estimate->add_errors(2 * (row / (rows / 2)) + column / (columns / 2) == tile ? 100 : 0);
         estimate->add_costs(8);
       }
     }
@@ -58,6 +59,20 @@ TEST_F(RoundsTest, TheFirstRoundsAreLeasedAndThenWhatIsDecided) {
   Commit(kAnn, second[0]);
   EXPECT_EQ(scheduler_.frames().CommittedRounds(kJob, kFrame), 4);
   EXPECT_FALSE(scheduler_.frames().IsCommitted(kJob, kFrame));
+}
+
+TEST_F(RoundsTest, ARoundHasAnyTileThatErred) {
+  scheduler_.jobs().End(kJob);
+  for (int tile = 0; tile < kTiles; ++tile) {
+    const job::JobId job(absl::StrCat("j-tile-", tile));
+    scheduler_.jobs().Add(job, spec_);
+    for (const GrantedLease& lease : scheduler_.GrantLeases(kStart)) Commit(kAnn, lease);
+    scheduler_.frames().SetRounds(job, kFrame, Decided(tile));
+    const std::vector<GrantedLease> second = scheduler_.GrantLeases(kStart);
+    ASSERT_EQ(second.size(), 1u) << tile;
+    EXPECT_EQ(second[0].unit.key, (job::UnitKey{kFrame, tile, 3, v1::UNIT_KIND_PASS}));
+    scheduler_.jobs().End(job);
+  }
 }
 
 TEST_F(RoundsTest, ARoundIsNotCommittedBeforeItsLastUnit) {

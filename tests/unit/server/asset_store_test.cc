@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "proto/rpc/checksum.h"
+#include "proto/rpc/limits.h"
 #include "proto/rpc/sha256.h"
 #include "server/assets/upload_budget.h"
 #include "server/job/limits.h"
@@ -123,6 +124,17 @@ TEST_F(AssetStoreTest, ACutAssetIsDamagedToo) {
   const v1::AssetRef asset = Announce("oak");
   std::ofstream(folder_.PathOf("assets/" + asset.sha256()));
   EXPECT_FALSE(store_.Has(asset.sha256()));
+}
+
+TEST_F(AssetStoreTest, AnAssetOfSeveralPiecesIsReadToItsEnd) {
+  std::string content(2 * rpc::kMaxChunkBytes + 10, 'w');
+  const std::string sha256 = rpc::Sha256Hex(content);
+  std::ofstream(folder_.PathOf("assets/" + sha256), std::ios::binary) << content;
+  EXPECT_TRUE(store_.Has(sha256));
+  content.back() = 'v';
+  std::ofstream(folder_.PathOf("assets/" + sha256), std::ios::binary) << content;
+  AssetStore next(folder_.PathOf("assets"), folder_.PathOf("incoming"));
+  EXPECT_FALSE(next.Has(sha256));
 }
 
 TEST_F(AssetStoreTest, AnAssetIsReadOnceAfterTheStart) {

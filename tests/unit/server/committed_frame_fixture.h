@@ -66,11 +66,12 @@ class CommittedFrameFixture : public ::testing::Test {
       const job::UnitKey key = units.KeyOf(0, is_forward ? i : units.count() - 1 - i);
       if (!has(key)) continue;
       const uint32_t seed = seed_of_ ? seed_of_(key) : 1;
-      film::StoredUnit unit{
-          {id, key},
-          job::Attempt(1),
-          {},
-          RandomUnit(key, units.tiles().RectOf(key.tile), SamplesOf(spec, units, key), seed)};
+      film::StoredUnit unit{{id, key},
+                            job::Attempt(1),
+                            {},
+                            RandomUnit(key, units.tiles().RectOf(key.tile), SamplesOf(spec, units, key), seed,
+                                       FullModelOf(spec))};
+      unit.stats.set_catches_shadows(spec.ground() == v1::GROUND_SHADOW);
       if (rays_of_) unit.stats.set_rays(rays_of_(key));
       const size_t log = static_cast<size_t>(i) % logs.size();
       const film::RecordPlace place = *logs[log].Append(Encoded(unit));

@@ -82,6 +82,18 @@ int PumpedWorker::Deliver(int count) {
   return delivered;
 }
 
+void PumpedWorker::Fail() {
+  while (leases() > 0) {
+    const v1::Lease lease = TakeLease();
+    v1::WorkerMessage message;
+    *message.mutable_failure()->mutable_unit() = lease.unit();
+    message.mutable_failure()->set_attempt(lease.attempt());
+    message.mutable_failure()->set_error("no such texture");
+    message.mutable_failure()->set_permanent(true);
+    EXPECT_TRUE(session_->Handle(&message).ok());
+  }
+}
+
 int PumpedWorker::leases() const {
   absl::MutexLock lock(&mutex_);
   return static_cast<int>(leases_.size());

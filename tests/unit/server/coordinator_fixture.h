@@ -46,6 +46,8 @@ class PumpedWorker final : public WorkerSink {
   void DeliverPlan(const v1::Plan& plan);
   /// Delivers pixels for the first lease that it has got.
   void DeliverPixels();
+  /// Says that it cannot render the units of the leases that it has got.
+  void Fail();
   /// All units that were ever leased to it.
   std::set<job::UnitRef> leased() const;
 

@@ -12,8 +12,11 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "server/coordinator/explain.h"
 #include "server/job/job_spec.h"
+#include "server/job/plan.h"
+#include "tests/support/made_up_plan.h"
 #include "tests/support/temp_folder.h"
 
 namespace lumifold::server {
@@ -89,8 +92,8 @@ class FarmTest : public testing::Test {
     farm_.LimitFrames(uint64_t{1} << 40);
   }
 
-  /// A job of one frame without a plan unit.
-  static ledger::JobRecord Record(const std::string& id) {
+  /// One frame without a plan unit.
+  static v1::JobSpec Spec() {
     v1::JobSpec spec;
     spec.mutable_scene()->mutable_file()->set_sha256(std::string(64, 'a'));
     spec.set_frame_count(1);
@@ -100,6 +103,9 @@ class FarmTest : public testing::Test {
     spec.set_samples_per_pixel(4);
     spec.set_pass_samples(4);
     spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
+    return spec;
+  }
+  static ledger::JobRecord Record(const std::string& id, const v1::JobSpec& spec = Spec()) {
     ledger::JobRecord record;
     record.id = JobId(id);
     const absl::StatusOr<v1::JobSpec> normal = job::NormaliseJobSpec(spec);
@@ -357,6 +363,37 @@ TEST_F(FarmTest, CountsWhatACommittedUnitAddsToItsJobAlsoWhileThatEnds) {
   EXPECT_EQ(ended.done.units, 2);
   EXPECT_EQ(ended.done.samples, samples + 30);
   EXPECT_EQ(ended.done.bad_samples, 5);
+}
+
+// A plan makes more passes of a frame than the job was taken to have, and they need more room on the disk.
+TEST_F(FarmTest, APlanBoundsTheFramesInFlight) {
+  v1::JobSpec spec = Spec();
+  spec.set_frame_count(2);
+  spec.set_samples_per_pixel(16);
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_AUTO);
+  spec.clear_tile_size();
+  spec.clear_pass_samples();
+  const job::WorkerId worker = Connect("worker", 64);
+  for (const int frames : {2, 1}) {
+    const ledger::JobRecord record = Record(absl::StrCat("j-", frames), spec);
+    const v1::JobSpec planned =
+        *job::PlannedSpec(record.spec, MadeUpPlan(/*tile_size=*/8, /*pass_samples=*/2));
+    const job::FrameUnits units(planned);
+    ASSERT_EQ(units.pass_count(), 8);
+    const FrameDemand demand = DemandOf(planned, units, {});
+    farm_.LimitFrames(static_cast<uint64_t>(2 * frames) * demand.log_bytes);
+    farm_.StartJob(record, {});
+    farm_.Complete();
+    ASSERT_EQ(Leases(record.id), 1) << "that of the plan";
+    const v1::Lease lease = sinks_["worker"].leases.back();
+    const job::UnitRef unit = job::UnitFromProto(lease.unit());
+    farm_.scheduler.units().Complete(worker, unit, job::Attempt(lease.attempt()), now_, "");
+    farm_.SetPlan(unit, planned);
+    farm_.Complete();
+    EXPECT_EQ(Leases(record.id), 1 + frames * units.count());
+    farm_.EndJob(record.id, v1::JOB_STATE_CANCELLED, "");
+    farm_.Complete();
+  }
 }
 
 class FarmFinishTest : public FarmTest {

@@ -7,8 +7,10 @@
 
 #include "filter/image/exr_io.h"
 #include "filter/image/file_io.h"
+#include "filter/image/layers.h"
 #include "filter/methods.h"
 #include "server/commit/committed_units.h"
+#include "server/film/matte.h"
 #include "server/film/result.h"
 #include "server/film/unit_film.h"
 #include "server/picture/make_picture.h"
@@ -45,6 +47,10 @@ std::array<Plane, 3> Filtered(const EdgedImage& film, const std::string& method,
 EdgedImage ExpectedResult(const v1::JobSpec& spec, const filter::BlockParams& blocks) {
   EdgedImage film = *WholeFilm(spec, 0, RandomUnitsOf(spec, 1));
   std::array<Plane, 3> picture = Filtered(film, spec.filter().method(), blocks);
+  if (spec.ground() == v1::GROUND_SHADOW) {
+    const EdgedImage shadows = {film::ShadowFilmOf(film.pixels), {}, {}};
+    film.pixels.Add(layers::kShadow, std::move(Filtered(shadows, spec.filter().method(), blocks)[0]));
+  }
   return film::BuildResult(std::move(film), std::move(picture),
                            {.spec = spec, .frame = 0, .numeric_class = ""});
 }
@@ -89,6 +95,20 @@ TEST_F(FinishFrameTest, AFrameOfSeveralBlocksIsTheWholeFilmFilteredInBlocks) {
     ExpectSameImage(result->edges, expected.edges);
     ExpectSameImage(result->fragments, expected.fragments);
     EXPECT_EQ(result->pixels.metadata(), expected.pixels.metadata());
+  }
+}
+
+TEST_F(FinishFrameTest, ShadowsAreFilteredAsThePictureIs) {
+  for (const filter::BlockParams& blocks : {filter::BlockParams(), kSmallBlocks}) {
+    v1::JobSpec spec = Spec(120, 80);
+    spec.set_background(v1::BACKGROUND_TRANSPARENT);
+    spec.set_ground(v1::GROUND_SHADOW);
+    const JobId job(absl::StrCat("j-", blocks.core));
+    Commit(job, spec);
+    Finish(job, nullptr, blocks);
+    const absl::StatusOr<EdgedImage> result = ReadEdgedExr(folder_.ResultPath(job, 0));
+    ASSERT_TRUE(result.ok()) << result.status();
+    ExpectSameImage(result->pixels, ExpectedResult(spec, blocks).pixels);
   }
 }
 

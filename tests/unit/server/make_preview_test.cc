@@ -70,7 +70,7 @@ TEST_F(MakePreviewTest, TheErrorIsMissingWhereTheMethodDoesNotKnowIt) {
   EXPECT_TRUE(LayerOfPreview(*preview, "samples").ok());
 }
 
-TEST_F(MakePreviewTest, TilesWithoutPassesAreBlackAndOthersHaveTheSamplesThatTheyHave) {
+TEST_F(MakePreviewTest, TilesWithoutPassesAreCoarseAndOthersHaveTheSamplesThatTheyHave) {
   // Of four tiles, the first has all passes, the second the first pass, the third its geometry, the fourth
   // nothing.
   Commit(kPreviewJob, Spec(16, 16), /*is_forward=*/true, [](const job::UnitKey& key) {
@@ -89,6 +89,8 @@ TEST_F(MakePreviewTest, TilesWithoutPassesAreBlackAndOthersHaveTheSamplesThatThe
   EXPECT_THAT(at("error.Y"), ElementsAre(Gt(0), Gt(0), 0, 0)) << "the halves of one pass tell it";
   EXPECT_GT(at("noisy.G")[1], 0);
   EXPECT_EQ(at("noisy.G")[2], 0);
+  EXPECT_GT(at("G")[2], 0) << "as bright as what is around it";
+  EXPECT_GT(at("G")[3], 0);
   EXPECT_NE(at("N.X")[2], 0);
   EXPECT_EQ(at("N.X")[3], 0);
   for (const LayeredImage::Channel& channel : picture.channels()) {

@@ -291,6 +291,32 @@ TEST_F(RecoveryTest, AJobThatIsBeingTakenOverIsUnavailableToThoseWhoFollowOrChan
   coordinator_->jobs().Unwatch(&watcher);
 }
 
+TEST_F(RecoveryTest, TheMachineThatRenderedPartOfAJobIsBelievedAfterARestart) {
+  options_.insecure = true;  // workers have no certificates: HOST:PROCESS
+  const job::JobId job = Submit(Spec(3), "begun");
+  {
+    PumpedWorker worker(coordinator_.get(), 1, "host:17");
+    Deliver(&worker, 1);
+    Await([&] { return worker.acknowledged().size() == 1; });
+  }
+  const auto reason = [&](const std::string& worker) {
+    PumpedWorker failing(coordinator_.get(), 1, worker);
+    Await([&] { return failing.leases() > 0; });
+    failing.Fail();
+    const v1::ExplainJobResponse why = *coordinator_->jobs().ExplainJob(job.value());
+    for (const v1::Reason& found : why.reasons()) {
+      if (found.code() == "second_opinion") return found.text();
+    }
+    return std::string();
+  };
+  for (const auto& [worker, expected] : {std::pair{"host:18", "the job fails in "},
+                                         std::pair{"stranger:1", "the job waits for another worker"}}) {
+    Stop();
+    ASSERT_TRUE(Start().ok());
+    EXPECT_THAT(reason(worker), HasSubstr(expected)) << worker;
+  }
+}
+
 TEST_F(RecoveryTest, WhoFollowsOrCancelsAJobThatWasLostIsToldToAskAgain) {
   const job::JobId job = Submit(Spec(3), "lost");
   LastStatus watcher;

@@ -54,6 +54,9 @@ class StoreWrapper : public ledger::JobStore {
   absl::StatusOr<std::vector<int32_t>> FinishedFrames(const job::JobId& job) override {
     return Call("FinishedFrames", [&] { return store_->FinishedFrames(job); });
   }
+  absl::StatusOr<std::vector<std::string>> DeliverersOf(const job::JobId& job) override {
+    return Call("DeliverersOf", [&] { return store_->DeliverersOf(job); });
+  }
   absl::Status EndJob(const ledger::OwnedJob& job, v1::JobState state, const std::string& error) override {
     return Call("EndJob", [&] { return store_->EndJob(job, state, error); });
   }

@@ -23,6 +23,13 @@ using ::testing::HasSubstr;
 using ::testing::Pair;
 using ::testing::SizeIs;
 
+/// The first unit has hours of work.
+v1::CoordinatorMessage LongGrant(int count) {
+  v1::CoordinatorMessage grant = Grant(count);
+  grant.mutable_grant()->mutable_leases(0)->set_last_sample(1 << 30);
+  return grant;
+}
+
 TEST(LeaseRunner, DeliversEachLeasedUnitWhole) {
   Rig rig(std::string(kScene), Spec(), 2);
   rig.worker->OnMessage(Grant(3));
@@ -174,26 +181,19 @@ TEST(LeaseRunner, ALeaseThatWaitsAdvancesWithTheWorker) {
 }
 
 TEST(LeaseRunner, DropsWhatALostConnectionLeased) {
-  FakeAssets assets{std::string(kScene)};
-  assets.SetOpen(false);
-  UnitRenderer renderer(&assets);
-  FakeSpecs source{Spec()};
-  SpecCache specs(&source);
-  const auto lost = std::make_shared<FakeOutbox>();
+  Rig rig;
+  rig.assets.SetOpen(false);
+  rig.worker->OnMessage(Grant(2));
+  rig.assets.AwaitFetches(1);  // the first unit is being rendered
+  rig.worker->OnDisconnected();
   const auto next = std::make_shared<FakeOutbox>();
-  {
-    LeaseRunner worker(1, &specs, &renderer, SilentLog());
-    worker.OnConnected(lost);
-    worker.OnMessage(Grant(2));
-    assets.AwaitFetches(1);  // the first unit is being rendered
-    worker.OnDisconnected();
-    worker.OnConnected(next);
-    EXPECT_THAT(worker.MakeHeartbeat().held(), SizeIs(0));
-    assets.SetOpen(true);
-    worker.OnMessage(Grant(1));
-    next->Await(1);
-  }
-  EXPECT_EQ(lost->size(), 0u);
+  rig.worker->OnConnected(next);
+  EXPECT_THAT(rig.worker->MakeHeartbeat().held(), SizeIs(0));
+  rig.assets.SetOpen(true);
+  rig.worker->OnMessage(Grant(1));
+  next->Await(1);
+  rig.worker.reset();
+  EXPECT_EQ(rig.outbox->size(), 0u);
   EXPECT_EQ(next->size(), 1u);
 }
 
@@ -215,9 +215,7 @@ TEST(LeaseRunner, RendersAUnitAgainThatALostConnectionLeased) {
 
 TEST(LeaseRunner, StopsWhatALostConnectionLeased) {
   Rig rig;
-  v1::CoordinatorMessage grant = Grant(1);
-  grant.mutable_grant()->mutable_leases(0)->set_last_sample(1 << 30);  // hours of work
-  rig.worker->OnMessage(grant);
+  rig.worker->OnMessage(LongGrant(1));
   rig.assets.AwaitFetches(1);
   rig.worker->OnDisconnected();
   const auto next = std::make_shared<FakeOutbox>();
@@ -243,24 +241,17 @@ TEST(LeaseRunner, AFailureOfALostConnectionIsNoneOfTheNextLease) {
 }
 
 TEST(LeaseRunner, ForgetsAnEndedJob) {
-  FakeAssets assets{std::string(kScene)};
-  assets.SetOpen(false);
-  UnitRenderer renderer(&assets);
-  FakeSpecs source{Spec()};
-  SpecCache specs(&source);
-  const auto outbox = std::make_shared<FakeOutbox>();
-  {
-    LeaseRunner worker(1, &specs, &renderer, SilentLog());
-    worker.OnConnected(outbox);
-    worker.OnMessage(Grant(4));
-    assets.AwaitFetches(1);
-    v1::CoordinatorMessage ended;
-    ended.mutable_job_ended()->set_job_id("j");
-    worker.OnMessage(ended);
-    EXPECT_THAT(worker.MakeHeartbeat().held(), SizeIs(0));
-    assets.SetOpen(true);
-  }
-  EXPECT_EQ(outbox->size(), 0u);
+  Rig rig;
+  rig.assets.SetOpen(false);
+  rig.worker->OnMessage(Grant(4));
+  rig.assets.AwaitFetches(1);
+  v1::CoordinatorMessage ended;
+  ended.mutable_job_ended()->set_job_id("j");
+  rig.worker->OnMessage(ended);
+  EXPECT_THAT(rig.worker->MakeHeartbeat().held(), SizeIs(0));
+  rig.assets.SetOpen(true);
+  rig.worker.reset();
+  EXPECT_EQ(rig.outbox->size(), 0u);
 }
 
 TEST(LeaseRunner, DropsTheLeasesOfAJobThatEndedBeforeItsSpecWasFetched) {
@@ -314,9 +305,7 @@ TEST(LeaseRunner, LeavesAfterItsUnitsAreAcknowledgedAndHandsBackThoseThatWait) {
 
 TEST(LeaseRunner, HandsBackWhatItCannotFinishInTime) {
   Rig rig;
-  v1::CoordinatorMessage grant = Grant(1);
-  grant.mutable_grant()->mutable_leases(0)->set_last_sample(1 << 30);  // hours of work
-  rig.worker->OnMessage(grant);
+  rig.worker->OnMessage(LongGrant(1));
   rig.assets.AwaitFetches(1);
   v1::CoordinatorMessage drain;
   drain.mutable_drain();
@@ -412,8 +401,7 @@ TEST(LeaseRunner, AMoveAtOnceWaitsForNoAcknowledgement) {
 
 TEST(LeaseRunner, StopsRenderingAUnitWhoseLeaseIsVoid) {
   Rig rig;
-  v1::CoordinatorMessage grant = Grant(2);
-  grant.mutable_grant()->mutable_leases(0)->set_last_sample(1 << 30);
+  const v1::CoordinatorMessage grant = LongGrant(2);
   rig.worker->OnMessage(grant);
   v1::CoordinatorMessage voided;
   *voided.mutable_void_leases()->add_leases() = grant.grant().leases(0);
@@ -424,22 +412,16 @@ TEST(LeaseRunner, StopsRenderingAUnitWhoseLeaseIsVoid) {
 }
 
 TEST(LeaseRunner, KnowsSinceWhenItIsIdle) {
-  FakeAssets assets{std::string(kScene)};
-  UnitRenderer renderer(&assets);
-  FakeSpecs source{Spec()};
-  SpecCache specs(&source);
-  const auto outbox = std::make_shared<FakeOutbox>();
-  LeaseRunner worker(1, &specs, &renderer, SilentLog());
-  const absl::Time start = worker.IdleSince();
+  Rig rig;
+  const absl::Time start = rig.worker->IdleSince();
   EXPECT_LE(start, rpc::MonotonicNow());
-  worker.OnConnected(outbox);
   const v1::CoordinatorMessage grant = Grant(1);
-  worker.OnMessage(grant);
-  EXPECT_EQ(worker.IdleSince(), absl::InfiniteFuture());
-  outbox->Await(1);
-  worker.OnMessage(Ack(grant.grant().leases(0)));
-  EXPECT_GT(worker.IdleSince(), start);
-  EXPECT_LE(worker.IdleSince(), rpc::MonotonicNow());
+  rig.worker->OnMessage(grant);
+  EXPECT_EQ(rig.worker->IdleSince(), absl::InfiniteFuture());
+  rig.outbox->Await(1);
+  rig.worker->OnMessage(Ack(grant.grant().leases(0)));
+  EXPECT_GT(rig.worker->IdleSince(), start);
+  EXPECT_LE(rig.worker->IdleSince(), rpc::MonotonicNow());
 }
 
 TEST(LeaseRunner, NamesTheAssetThatTheCoordinatorLost) {

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 
 #include "worker/render/sampling/pixel_filter.h"
 #include "worker/render/tracing/embree_scene.h"
@@ -62,6 +63,11 @@ class PictureCamera {
   using Matrix = std::array<float, 16>;
   Matrix WorldToCamera() const;
   Matrix WorldToNdc() const;
+
+  /// Where all rays of a perspective camera begin; nothing for an orthographic one.
+  std::optional<scene::Vec3> Viewpoint() const {
+    return perspective_ ? std::optional(pose_.position) : std::nullopt;
+  }
 
   /// Distance of a world point from the camera along the view axis.
   float PlanarDepth(scene::Vec3 p) const { return Dot(p - pose_.position, pose_.forward); }

@@ -3,6 +3,7 @@
 #include <array>
 #include <vector>
 
+#include "worker/render/materials/microfacet.h"
 #include "worker/scene/scene.h"
 
 namespace lumifold::render {
@@ -19,7 +20,8 @@ class AlbedoTable {
  public:
   /// The optional tables.
   struct Contents {
-    bool reflection = true;  // GGX with Schlick's Fresnel: Lookup() and Average()
+    bool reflection = true;    // GGX with Schlick's Fresnel: Lookup() and Average()
+    bool anisotropic = false;  // the same for anisotropic GGX
     bool sheen = false;
     std::vector<float> glass_iors = {};  // of solid glass, ascending
   };
@@ -31,6 +33,11 @@ class AlbedoTable {
 
   /// cos_o in [0, 1], alpha in [0, 1].
   DirectionalAlbedo Lookup(float cos_o, float alpha) const;
+  /// wo is unit, in the shading frame. If alpha is anisotropic, Contents::anisotropic must be set, and alpha.x
+  /// be the greater one.
+  DirectionalAlbedo Lookup(Vec3 wo, GgxAlpha alpha) const {
+    return alpha.IsIsotropic() ? Lookup(wo.z, alpha.x) : LookupAnisotropic(wo, alpha);
+  }
   /// The cosine-weighted mean of Lookup over the hemisphere.
   DirectionalAlbedo Average(float alpha) const;
 
@@ -47,9 +54,12 @@ class AlbedoTable {
   using SmallTable = std::array<std::array<float, kSmallSize>, kSmallSize>;  // [roughness][cosine]
 
   void BuildReflection();
+  void BuildAnisotropic();
+  DirectionalAlbedo LookupAnisotropic(Vec3 wo, GgxAlpha alpha) const;
 
   DirectionalAlbedo table_[kSize][kSize];  // [roughness][cosine]
   DirectionalAlbedo average_[kSize];
+  std::vector<DirectionalAlbedo> anisotropic_;  // by strength, roughness, azimuth and cosine; or empty
   std::vector<float> glass_iors_;
   std::vector<SmallTable> glass_;  // two for each ior: from outside, from inside
   std::vector<SmallTable> sheen_;  // one or none

@@ -18,7 +18,8 @@ constexpr float kMinDiffuseProbability = 0.05f;
 
 constexpr float kMinCosine = 1e-4f;
 
-/// Reflectance at normal incidence of the coat of KHR_materials_clearcoat, whose ior is 1.5.
+/// The coat of KHR_materials_clearcoat, and its reflectance at normal incidence.
+constexpr float kCoatIor = 1.5f;
 constexpr float kCoatF0 = 0.04f;
 
 float LuminanceOf(Vec3 c) { return Luminance(c.x, c.y, c.z); }
@@ -43,13 +44,17 @@ float NormalReflectance(float ior) {
   return r * r;
 }
 
+/// Reflectance at normal incidence of the dielectric layer; the specular factor not included.
+Vec3 DielectricF0(const SurfaceMaterial& material) {
+  const Vec3 f0 = material.specular_color * NormalReflectance(material.ior);
+  return {std::min(f0.x, 1.0f), std::min(f0.y, 1.0f), std::min(f0.z, 1.0f)};
+}
+
 Vec3 LocalOnUpperSide(const Frame& frame, Vec3 wo) {
   Vec3 local = frame.ToLocal(wo);
   local.z = std::max(local.z, kMinCosine);
   return local;
 }
-
-Vec3 MirrorDirection(Vec3 wo, Vec3 h) { return h * (2.0f * Dot(wo, h)) - wo; }
 
 float CoatFresnel(float coat, float cos_h) {
   return coat * SchlickFresnel({kCoatF0, 0, 0}, {1, 0, 0}, cos_h).x;
@@ -58,20 +63,28 @@ float CoatFresnel(float coat, float cos_h) {
 }  // namespace
 
 bool SurfaceMaterial::IsBaseOnly() const {
-  if (transmission > 0 || clearcoat > 0 || MaxComponent(sheen_color) > 0) return false;
+  if (transmission > 0 || diffuse_transmission > 0 || clearcoat > 0 || MaxComponent(sheen_color) > 0 ||
+      LengthSquared(anisotropy) > 0 || iridescence > 0)
+    return false;
   return roughness * roughness >= kDeltaAlpha || IsDiffuseOnly();
+}
+
+GgxAlpha SurfaceMaterial::Alpha() const {
+  const float least = roughness * roughness;
+  const float strength2 = std::min(LengthSquared(anisotropy), 1.0f);
+  if (strength2 <= 0) return GgxAlpha(least);
+  const float across = std::max(least, kDeltaAlpha);
+  return {across + (1.0f - across) * strength2, across};
 }
 
 BaseMaterial::BaseMaterial(const SurfaceMaterial& material, const AlbedoTable& table)
     : base_color(material.base_color),
       metallic(material.metallic),
       base_weight((1.0f - material.metallic) * (1.0f - material.transmission)),
-      alpha(material.roughness * material.roughness),
+      alpha(material.Alpha().Mean()),
       root_alpha(std::sqrt(alpha)),
       dielectric_f90(material.specular) {
-  const Vec3 normal = material.specular_color * NormalReflectance(material.ior);
-  const Vec3 dielectric =
-      Vec3{std::min(normal.x, 1.0f), std::min(normal.y, 1.0f), std::min(normal.z, 1.0f)} * material.specular;
+  const Vec3 dielectric = DielectricF0(material) * material.specular;
   dielectric_f0 = MaxComponent(dielectric);
   f0 = dielectric * base_weight + base_color * metallic;
   f90 = dielectric_f90 * base_weight + metallic;
@@ -81,7 +94,7 @@ BaseMaterial::BaseMaterial(const SurfaceMaterial& material, const AlbedoTable& t
 }
 
 Bsdf::Bsdf(const SurfaceMaterial& material, const AlbedoTable& table, Vec3 normal, Vec3 geometric, Vec3 wo)
-    : table_(&table), frame_(normal), geometric_(geometric) {
+    : table_(&table), frame_(normal, material.anisotropy), geometric_(geometric) {
   if (material.IsDiffuseOnly()) {
     diffuse_albedo_ = material.base_color;
     p_.diffuse = MaxComponent(diffuse_albedo_) > 0 ? 1.0f : 0.0f;
@@ -100,14 +113,14 @@ Bsdf::Bsdf(const SurfaceMaterial& material, const AlbedoTable& table, Vec3 norma
 /// Returns the fraction of the light that the coat passes to the layers below.
 float Bsdf::AddCoat(const SurfaceMaterial& material, Vec3 wo) {
   coat_.weight = material.clearcoat;
-  coat_.alpha = material.clearcoat_roughness * material.clearcoat_roughness;
-  coat_.mirror = coat_.alpha < kDeltaAlpha;
+  coat_.alpha = GgxAlpha(material.clearcoat_roughness * material.clearcoat_roughness);
+  coat_.mirror = coat_.alpha.x < kDeltaAlpha;
   coat_.normal = material.coat_normal;
   coat_.wo = LocalOnUpperSide(Frame(coat_.normal), wo);
   if (coat_.mirror) {
     coat_.albedo = CoatFresnel(coat_.weight, coat_.wo.z);
   } else {
-    const DirectionalAlbedo seen = table_->Lookup(coat_.wo.z, coat_.alpha);
+    const DirectionalAlbedo seen = table_->Lookup(coat_.wo, coat_.alpha);
     coat_.albedo = coat_.weight * (kCoatF0 * seen.scale + seen.bias);
   }
   return 1.0f - coat_.albedo;
@@ -124,34 +137,62 @@ float Bsdf::AddSheen(const SurfaceMaterial& material, float share) {
 /// Adds metal and the diffuse base under its dielectric layer.
 void Bsdf::AddBase(const SurfaceMaterial& material) {
   const BaseMaterial base(material, *table_);
-  facets_.alpha = base.alpha;
-  facets_.mirror = facets_.alpha < kDeltaAlpha;
+  facets_.alpha = material.Alpha();
+  facets_.mirror = facets_.alpha.x < kDeltaAlpha;
   facets_.f0 = base.f0;
   facets_.f90 = {base.f90, base.f90, base.f90};
   dielectric_ = {base.dielectric_f0, base.dielectric_f90, base.mean_albedo};
 
-  const DirectionalAlbedo seen = base.f90 > 0 ? table_->Lookup(wo_.z, facets_.alpha) : DirectionalAlbedo{};
+  const DirectionalAlbedo seen = base.f90 > 0 ? table_->Lookup(wo_, facets_.alpha) : DirectionalAlbedo{};
   float dielectric_albedo = 0;
   if (dielectric_.f90 > 0) {
     dielectric_albedo = std::min(dielectric_.f0 * seen.scale + dielectric_.f90 * seen.bias, 1.0f);
   }
-  diffuse_albedo_ = material.base_color * (base.base_weight * (1.0f - dielectric_albedo));
   facets_.albedo = facets_.mirror ? SchlickFresnel(facets_.f0, facets_.f90, wo_.z)
                                   : facets_.f0 * seen.scale + facets_.f90 * seen.bias;
+  if (material.iridescence > 0) dielectric_albedo = AddFilm(material, base, seen, dielectric_albedo);
+  const float passed = base.base_weight * (1.0f - dielectric_albedo);
+  diffuse_albedo_ = material.base_color * (passed * (1.0f - material.diffuse_transmission));
+  transmitted_albedo_ = material.diffuse_transmission_color * (passed * material.diffuse_transmission);
   if (base.metallic > 0 && !facets_.mirror) CompensateMetal(material, seen);
+}
+
+/// Adds the film to metal and dielectric layer, whose albedo without it is known. Returns the dielectric
+/// layer's albedo in the channel that it reflects most of. A film is seen at many angles at once; its albedo is
+/// taken as that at the angle for which Schlick's Fresnel would have its own albedo exactly.
+float Bsdf::AddFilm(const SurfaceMaterial& material, const BaseMaterial& base, DirectionalAlbedo seen,
+                    float dielectric_albedo) {
+  const float outside_ior = 1.0f + (kCoatIor - 1.0f) * material.clearcoat;
+  const auto film_on = [&](Vec3 f0) {
+    return ThinFilm(material.film_thickness_nm, material.film_ior, outside_ior, f0);
+  };
+  film_.weight = material.iridescence;
+  film_.on_dielectric = film_on(DielectricF0(material));
+  film_.on_metal = film_on(material.base_color);
+  film_.dielectric = base.dielectric_f90 * base.base_weight;
+  film_.metallic = base.metallic;
+  const float whole = facets_.mirror ? 1.0f : seen.scale + seen.bias;
+  film_.mean_cosine = facets_.mirror || whole <= 0 ? wo_.z : 1.0f - Pow(seen.bias / whole, 0.2f);
+  facets_.albedo = Lerp(facets_.albedo, film_.Reflectance(film_.mean_cosine) * whole, film_.weight);
+  if (dielectric_.f90 <= 0) return dielectric_albedo;
+  const float filmed =
+      MaxComponent(film_.on_dielectric.Reflectance(film_.mean_cosine)) * dielectric_.f90 * whole;
+  return dielectric_albedo + (filmed - dielectric_albedo) * film_.weight;
 }
 
 /// Scales metal's part of the albedo by 1 + F0 (1 - E) / E, with E the albedo at F0 = 1.
 void Bsdf::CompensateMetal(const SurfaceMaterial& material, DirectionalAlbedo seen) {
   constexpr float kMinAlbedo = 1e-20f;  // black metal, seen along its normal, has albedo 0
   const float whole = seen.scale + seen.bias;
-  const Vec3 b = material.base_color;
+  Vec3 b = material.base_color;
+  if (film_.weight > 0) b = Lerp(b, film_.on_metal.Reflectance(film_.mean_cosine), film_.weight);
   const Vec3 compensation = b * (b * seen.scale + Vec3{seen.bias, seen.bias, seen.bias}) *
                             (material.metallic * (1.0f - whole) / whole);
   const Vec3 single = facets_.albedo;
   const Vec3 gain = Vec3{1, 1, 1} + Vec3{compensation.x / std::max(single.x, kMinAlbedo),
                                          compensation.y / std::max(single.y, kMinAlbedo),
                                          compensation.z / std::max(single.z, kMinAlbedo)};
+  film_.scale *= gain;
   facets_.f0 *= gain;
   facets_.f90 *= gain;
   facets_.albedo *= gain;
@@ -160,6 +201,8 @@ void Bsdf::CompensateMetal(const SurfaceMaterial& material, DirectionalAlbedo se
 /// Reduces the light that metal and base receive to the fraction `share`.
 void Bsdf::ScaleMetalAndBase(float share) {
   diffuse_albedo_ *= share;
+  transmitted_albedo_ *= share;
+  film_.scale *= share;
   facets_.f0 *= share;
   facets_.f90 *= share;
   facets_.albedo *= share;
@@ -174,9 +217,9 @@ void Bsdf::AddGlass(const SurfaceMaterial& material, float share) {
   glass_.weight = whole;
   glass_.tint = material.base_color;
   if (!facets_.mirror) {
-    const DirectionalAlbedo seen = table_->Lookup(wo_.z, facets_.alpha);
+    const DirectionalAlbedo seen = table_->Lookup(wo_, facets_.alpha);
     glass_.weight /= glass_.thin ? seen.scale + seen.bias
-                                 : table_->Glass(material.ior, material.inside, wo_.z, facets_.alpha);
+                                 : table_->Glass(material.ior, material.inside, wo_.z, facets_.alpha.Mean());
   }
   float cos_t = 0;
   const float reflected = DielectricFresnel(wo_.z, glass_.eta, &cos_t);
@@ -187,7 +230,8 @@ void Bsdf::ChooseProbabilities() {
   const float facets = LuminanceOf(facets_.albedo);
   const float diffuse = LuminanceOf(diffuse_albedo_);
   const float sheen = sheen_.albedo > 0 ? LuminanceOf(sheen_.color) * sheen_.albedo : 0.0f;
-  const float rest = facets + coat_.albedo + sheen;
+  const float transmitted = LuminanceOf(transmitted_albedo_);
+  const float rest = facets + coat_.albedo + sheen + transmitted;
   if (diffuse + rest <= 0) return;
   p_.diffuse = diffuse > 0 ? std::max(diffuse / (diffuse + rest), kMinDiffuseProbability) : 0.0f;
   if (rest <= 0) return;
@@ -195,26 +239,27 @@ void Bsdf::ChooseProbabilities() {
   p_.facets = facets * share;
   p_.coat = coat_.albedo * share;
   p_.sheen = sheen * share;
+  p_.transmitted = transmitted * share;
 }
 
 Vec3 Bsdf::GlossyAlbedo() const {
-  Vec3 albedo = {0, 0, 0};
-  if (!facets_.mirror) albedo = facets_.albedo;
+  Vec3 albedo = transmitted_albedo_;
+  if (!facets_.mirror) albedo += facets_.albedo;
   if (p_.coat > 0 && !coat_.mirror) albedo += Vec3{coat_.albedo, coat_.albedo, coat_.albedo};
   if (p_.sheen > 0) albedo += sheen_.color * sheen_.albedo;
   return albedo;
 }
 
 Vec3 Bsdf::Albedo() const {
-  Vec3 albedo = diffuse_albedo_ + facets_.albedo;
+  Vec3 albedo = diffuse_albedo_ + facets_.albedo + transmitted_albedo_;
   if (p_.coat > 0) albedo += Vec3{coat_.albedo, coat_.albedo, coat_.albedo};
   if (p_.sheen > 0) albedo += sheen_.color * sheen_.albedo;
   return albedo;
 }
 
 float Bsdf::ReflectionAlpha() const {
-  if (p_.coat > p_.facets) return coat_.alpha;
-  return p_.facets > 0 ? facets_.alpha : 1.0f;
+  if (p_.coat > p_.facets) return coat_.alpha.Mean();
+  return p_.facets > 0 ? facets_.alpha.Mean() : 1.0f;
 }
 
 Vec3 Bsdf::StraightTransmittance() const {
@@ -222,16 +267,31 @@ Vec3 Bsdf::StraightTransmittance() const {
   return FresnelAt(wo_.z).transmitted;
 }
 
+/// Of both faces together if the glass is thin, with all reflections between them.
+Vec3 Bsdf::GlassReflectance(float cos_h, float* cos_t) const {
+  const float bare = DielectricFresnel(cos_h, glass_.eta, cos_t);
+  if (film_.weight <= 0) {
+    const float all = glass_.thin ? 2.0f * bare / (1.0f + bare) : bare;
+    return {all, all, all};
+  }
+  if (bare >= 1) return {1, 1, 1};
+  // The film is on the outside. By reciprocity it reflects light from within like the light that this becomes
+  // outside.
+  const float outside = glass_.eta < 1 ? *cos_t : cos_h;
+  const Vec3 front = Lerp({bare, bare, bare}, film_.on_dielectric.Reflectance(outside), film_.weight);
+  if (!glass_.thin) return front;
+  const auto both = [bare](float f) { return f + (1.0f - f) * (1.0f - f) * bare / (1.0f - f * bare); };
+  return {both(front.x), both(front.y), both(front.z)};
+}
+
 Bsdf::Fresnel Bsdf::FresnelAt(float cos_h) const {
   Fresnel fresnel;
   fresnel.reflected = SchlickFresnel(facets_.f0, facets_.f90, cos_h);
+  if (film_.weight > 0) fresnel.reflected = Lerp(fresnel.reflected, film_.Reflectance(cos_h), film_.weight);
   if (glass_.weight <= 0) return fresnel;
-  float reflectance = DielectricFresnel(cos_h, glass_.eta, &fresnel.cos_t);
-  if (glass_.thin)
-    reflectance = 2.0f * reflectance / (1.0f + reflectance);  // interreflection between both faces
-  const float reflected = glass_.weight * reflectance;
-  fresnel.reflected += {reflected, reflected, reflected};
-  fresnel.transmitted = glass_.tint * (glass_.weight * (1.0f - reflectance));
+  const Vec3 reflectance = GlassReflectance(cos_h, &fresnel.cos_t);
+  fresnel.reflected += glass_.weight * reflectance;
+  fresnel.transmitted = glass_.tint * (glass_.weight * (Vec3{1, 1, 1} - reflectance));
   const float r = LuminanceOf(fresnel.reflected);
   const float t = LuminanceOf(fresnel.transmitted);
   if (t > 0) fresnel.p_reflect = r / (r + t);
@@ -241,7 +301,7 @@ Bsdf::Fresnel Bsdf::FresnelAt(float cos_h) const {
 float Bsdf::DiffuseLobe(float cos_i) const {
   float coupling = 1;
   if (dielectric_.f90 > 0) {
-    const DirectionalAlbedo albedo = table_->Lookup(cos_i, facets_.alpha);
+    const DirectionalAlbedo albedo = table_->Lookup(cos_i, facets_.alpha.Mean());
     coupling = (1.0f - std::min(dielectric_.f0 * albedo.scale + dielectric_.f90 * albedo.bias, 1.0f)) /
                (1.0f - dielectric_.mean_albedo);
   }
@@ -251,16 +311,10 @@ float Bsdf::DiffuseLobe(float cos_i) const {
 void Bsdf::EvaluateFacets(Vec3 wi, BsdfValue* value, float* pdf) const {
   const Vec3 h = Normalize(wi + wo_);
   const float cos_h = std::max(Dot(wo_, h), 1e-6f);
-  const float lobe = GgxDensity(h, facets_.alpha) * GgxVisibility(wi.z, wo_.z, facets_.alpha) * wi.z;
-  float probability = p_.facets;
-  if (glass_.weight > 0) {
-    const Fresnel fresnel = FresnelAt(cos_h);
-    value->non_diffuse += fresnel.reflected * lobe;
-    probability *= fresnel.p_reflect;
-  } else {
-    value->non_diffuse += SchlickFresnel(facets_.f0, facets_.f90, cos_h) * lobe;
-  }
-  *pdf += probability * GgxVisibleDensity(wo_, h, facets_.alpha) / (4.0f * cos_h);
+  const float lobe = GgxDensity(h, facets_.alpha) * GgxVisibility(wi, wo_, facets_.alpha) * wi.z;
+  const Fresnel fresnel = FresnelAt(cos_h);
+  value->non_diffuse += fresnel.reflected * lobe;
+  *pdf += p_.facets * fresnel.p_reflect * GgxVisibleDensity(wo_, h, facets_.alpha) / (4.0f * cos_h);
 }
 
 /// `wi` lies below the surface.
@@ -274,7 +328,7 @@ void Bsdf::EvaluateTransmission(Vec3 wi, BsdfValue* value, float* pdf) const {
   const Fresnel fresnel = FresnelAt(cos_h);
   const float jacobian = glass_.thin ? 1.0f / (4.0f * cos_h) : RefractionJacobian(wo_, wi, h, glass_.eta);
   const float density = GgxVisibleDensity(wo_, h, facets_.alpha) * jacobian;
-  value->non_diffuse += fresnel.transmitted * (density * GgxShadowing(-wi.z, wo_.z, facets_.alpha));
+  value->non_diffuse += fresnel.transmitted * (density * GgxShadowing(wi, wo_, facets_.alpha));
   *pdf += p_.facets * (1.0f - fresnel.p_reflect) * density;
 }
 
@@ -284,7 +338,7 @@ void Bsdf::EvaluateCoat(Vec3 wi_world, BsdfValue* value, float* pdf) const {
   const Vec3 h = Normalize(wi + coat_.wo);
   const float cos_h = std::max(Dot(coat_.wo, h), 1e-6f);
   const float lobe = CoatFresnel(coat_.weight, cos_h) * GgxDensity(h, coat_.alpha) *
-                     GgxVisibility(wi.z, coat_.wo.z, coat_.alpha) * wi.z;
+                     GgxVisibility(wi, coat_.wo, coat_.alpha) * wi.z;
   value->non_diffuse += {lobe, lobe, lobe};
   *pdf += p_.coat * GgxVisibleDensity(coat_.wo, h, coat_.alpha) / (4.0f * cos_h);
 }
@@ -300,7 +354,12 @@ BsdfValue Bsdf::Evaluate(Vec3 wi_world, float* pdf) const {
   *pdf = 0;
   const Vec3 wi = frame_.ToLocal(wi_world);
   if (Dot(wi_world, geometric_) <= 0) {
-    if (glass_.weight > 0 && !facets_.mirror && wi.z < 0) EvaluateTransmission(wi, &value, pdf);
+    if (wi.z >= 0) return value;
+    if (glass_.weight > 0 && !facets_.mirror) EvaluateTransmission(wi, &value, pdf);
+    if (p_.transmitted > 0) {
+      value.non_diffuse += transmitted_albedo_ * DiffuseLobe(-wi.z);
+      *pdf += p_.transmitted * -wi.z / kPi;
+    }
     return value;
   }
   if (p_.coat > 0 && !coat_.mirror) EvaluateCoat(wi_world, &value, pdf);
@@ -359,6 +418,11 @@ BsdfSample Bsdf::SampleFacets(float u_lobe, Vec2 u) const {
     return mirrored.z > 0 ? SampleTowards(frame_.ToWorld(mirrored)) : BsdfSample{};
   const Vec3 wi =
       glass_.thin ? Vec3{mirrored.x, mirrored.y, -mirrored.z} : Refract(wo_, h, glass_.eta, fresnel.cos_t);
+  return SampleBelow(wi);
+}
+
+/// `wi` is in the shading frame, of about unit length.
+BsdfSample Bsdf::SampleBelow(Vec3 wi) const {
   if (wi.z >= 0) return {};
   const Vec3 wi_world = Normalize(frame_.ToWorld(wi));
   if (Dot(wi_world, geometric_) >= 0) return {};
@@ -399,7 +463,9 @@ BsdfSample Bsdf::Sample(float u_lobe, Vec2 u) const {
   if (IsDiffuseOnly()) return DiffuseBsdf(diffuse_albedo_, frame_.z, geometric_).Sample(u_lobe, u);
   if (u_lobe < p_.diffuse) return SampleTowards(frame_.ToWorld(CosineDirection(u)));
   // Rounding errors of the probabilities go to the last lobe that exists.
-  const float rest = u_lobe - p_.diffuse;
+  float rest = u_lobe - p_.diffuse;
+  if (rest < p_.transmitted) return SampleBelow(-CosineDirection(u));
+  rest -= p_.transmitted;
   if (p_.sheen > 0 && rest >= p_.facets + p_.coat) return SampleSheen(u);
   if (p_.coat > 0 && rest >= p_.facets) return SampleCoat(u);
   if (p_.facets <= 0) return {};

@@ -1,6 +1,8 @@
 #pragma once
 
 #include "worker/render/materials/albedo_table.h"
+#include "worker/render/materials/microfacet.h"
+#include "worker/render/materials/thin_film.h"
 #include "worker/render/sampling/frame.h"
 #include "worker/scene/scene.h"
 
@@ -14,6 +16,12 @@ struct SurfaceMaterial {
   float ior = 1.5f;
   float specular = 1;  // factor of KHR_materials_specular
   Vec3 specular_color = {1, 1, 1};
+  Vec3 anisotropy = {0, 0, 0};  // direction of the greater roughness, as long as it is strong
+  float iridescence = 0;        // weight of the film
+  float film_ior = 1.3f;
+  float film_thickness_nm = 0;
+  float diffuse_transmission = 0;  // part of the diffuse base's light
+  Vec3 diffuse_transmission_color = {1, 1, 1};
   float transmission = 0;
   bool thin = true;     // transmits without refraction, like a pane
   bool inside = false;  // the ray comes from inside the volume
@@ -25,9 +33,11 @@ struct SurfaceMaterial {
 
   /// Whether there are no lobes but the diffuse one and rough reflection by metal and dielectric layer.
   bool IsBaseOnly() const;
+  /// Of the microfacets of metal, dielectric layer and glass; x is the direction of `anisotropy`.
+  GgxAlpha Alpha() const;
   bool IsDiffuseOnly() const {
-    return metallic <= 0 && specular <= 0 && transmission <= 0 && clearcoat <= 0 &&
-           MaxComponent(sheen_color) <= 0;
+    return metallic <= 0 && specular <= 0 && transmission <= 0 && diffuse_transmission <= 0 &&
+           clearcoat <= 0 && MaxComponent(sheen_color) <= 0;
   }
 };
 
@@ -69,12 +79,13 @@ struct BsdfSample {
 };
 
 /// Scattering at one surface point towards `wo`. Lobes are diffuse, glossy (rough reflection, rough
-/// transmission, sheen) or delta (perfectly smooth boundaries). Layers from the outside in: a clear coat; a
+/// transmission, sheen, diffuse transmission) or delta (perfectly smooth boundaries). Layers from the outside in: a clear coat; a
 /// sheen; a mixture of metal, of a diffuse base of albedo T under a dielectric GGX layer, and of glass.
 /// Each layer passes the fraction 1 - A(wo) of the light to the layers below, with A its directional albedo.
 /// The diffuse lobe is T * (1 - A(wi)) / (1 - mean A) * cos / pi under the dielectric layer, which makes the
-/// two reciprocal. Metal and glass compensate for the energy that single scattering loses between
-/// microfacets. All layers conserve energy; coat, sheen, metal and glass are not reciprocal.
+/// two reciprocal; the diffuse transmission is the same on the other side, in its own colour. Metal and glass compensate for the energy that single scattering loses between
+/// microfacets. All layers conserve energy; coat, sheen, metal and glass are not reciprocal, nor are
+/// anisotropic layers.
 /// Inside solid glass, paths carry radiance over the squared index of the medium, which no boundary changes:
 /// after a path has left the glass it carries radiance again.
 /// Sources: glTF 2.0 appendix B and the KHR_materials extensions (parameters and layers); Kelemen &
@@ -93,8 +104,8 @@ class Bsdf {
   Vec3 Albedo() const;
   /// Whether Evaluate() can be above 0: false for perfect mirrors and smooth glass.
   bool HasNonDeltaLobe() const {
-    return p_.diffuse > 0 || (p_.facets > 0 && !facets_.mirror) || (p_.coat > 0 && !coat_.mirror) ||
-           p_.sheen > 0;
+    return p_.diffuse > 0 || p_.transmitted > 0 || (p_.facets > 0 && !facets_.mirror) ||
+           (p_.coat > 0 && !coat_.mirror) || p_.sheen > 0;
   }
 
   /// S: the directional albedo of all glossy lobes; above 0 in each channel in which there is one.
@@ -135,11 +146,28 @@ class Bsdf {
 
   /// Microfacets of metal and of the dielectric layer (Schlick's Fresnel), and of glass.
   struct Facets {
-    float alpha = 1;
+    GgxAlpha alpha;
     bool mirror = false;
     Vec3 f0 = {0, 0, 0};
     Vec3 f90 = {0, 0, 0};
     Vec3 albedo = {0, 0, 0};  // approximate for glass
+  };
+  /// A film on metal, dielectric layer and glass.
+  struct Film {
+    float weight = 0;  // 0: there is none
+    ThinFilm on_dielectric;
+    ThinFilm on_metal;
+    float dielectric = 0;    // factor of the reflectance of the dielectric layer,
+    float metallic = 0;      // and of metal's,
+    Vec3 scale = {1, 1, 1};  // and of both
+    float mean_cosine = 1;   // of the microfacets that reflect towards the viewer
+
+    Vec3 Reflectance(float cosine) const {
+      Vec3 sum = {0, 0, 0};
+      if (dielectric > 0) sum += on_dielectric.Reflectance(cosine) * dielectric;
+      if (metallic > 0) sum += on_metal.Reflectance(cosine) * metallic;
+      return sum * scale;
+    }
   };
   /// The dielectric layer over the diffuse base.
   struct Dielectric {
@@ -155,7 +183,7 @@ class Bsdf {
   };
   /// Read only if its probability is above 0.
   struct Coat {
-    float alpha = 0;
+    GgxAlpha alpha;
     float weight = 0;
     float albedo = 0;
     bool mirror = false;
@@ -171,6 +199,7 @@ class Bsdf {
   /// Of sampling each lobe.
   struct Probabilities {
     float diffuse = 0;
+    float transmitted = 0;  // diffuse, to the other side
     float facets = 0;
     float coat = 0;
     float sheen = 0;
@@ -179,11 +208,14 @@ class Bsdf {
   float AddCoat(const SurfaceMaterial& material, Vec3 wo);
   float AddSheen(const SurfaceMaterial& material, float share);
   void AddBase(const SurfaceMaterial& material);
+  float AddFilm(const SurfaceMaterial& material, const BaseMaterial& base, DirectionalAlbedo seen,
+                float dielectric_albedo);
   void CompensateMetal(const SurfaceMaterial& material, DirectionalAlbedo seen);
   void ScaleMetalAndBase(float share);
   void AddGlass(const SurfaceMaterial& material, float share);
   void ChooseProbabilities();
 
+  Vec3 GlassReflectance(float cos_h, float* cos_t) const;
   Fresnel FresnelAt(float cos_h) const;
   float DiffuseLobe(float cos_i) const;
   void EvaluateFacets(Vec3 wi, BsdfValue* value, float* pdf) const;
@@ -198,6 +230,7 @@ class Bsdf {
   BsdfSample Transmission(const Fresnel& fresnel) const;
   BsdfSample SampleCoat(Vec2 u) const;
   BsdfSample SampleSheen(Vec2 u) const;
+  BsdfSample SampleBelow(Vec3 wi) const;
   BsdfSample SampleTowards(Vec3 wi_world) const;
 
   const AlbedoTable* table_;
@@ -205,8 +238,10 @@ class Bsdf {
   Vec3 geometric_;
   Vec3 wo_;  // in the shading frame; not set if the only lobe is diffuse
   Vec3 diffuse_albedo_ = {0, 0, 0};
+  Vec3 transmitted_albedo_ = {0, 0, 0};  // of the diffuse lobe on the other side
 
   Facets facets_;
+  Film film_;
   Dielectric dielectric_;
   Glass glass_;
   Coat coat_;

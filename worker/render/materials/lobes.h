@@ -9,7 +9,7 @@ namespace lumifold::render {
 /// but one that is set may exist nowhere.
 struct LobeSet {
   bool diffuse = false;
-  bool glossy = false;  // rough reflection, rough transmission, sheen
+  bool glossy = false;  // rough reflection, rough transmission, sheen, diffuse transmission
   bool delta = false;   // reflection or transmission at a perfectly smooth boundary
 
   bool IsEmpty() const { return !diffuse && !glossy && !delta; }

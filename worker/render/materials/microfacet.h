@@ -1,10 +1,12 @@
 #pragma once
 
+#include <cmath>
+
 #include "worker/render/sampling/frame.h"
 
-/// The GGX microfacet distribution with Smith's height-correlated masking. Directions are in the shading
-/// frame (z = normal), both on the upper side; alpha is the squared perceptual roughness. Sources: Walter et
-/// al. 2007; Heitz 2014 (masking); Heitz 2018 (sampling of visible normals).
+/// The GGX microfacet distribution with Smith's height-correlated masking. Directions are unit, in the shading
+/// frame (z = normal), both on the upper side. Sources: Walter et al. 2007; Heitz 2014 (masking, anisotropy);
+/// Heitz 2018 (sampling of visible normals).
 namespace lumifold::render {
 
 /// Below this alpha a lobe is a delta lobe: float directions do not resolve so narrow a highlight well.
@@ -14,22 +16,45 @@ inline constexpr float kDeltaAlpha = 1e-3f;
 /// as smooth.
 inline constexpr float kMinIorDifference = 0.01f;
 
+/// Squared perceptual roughness along the x and y axes of the shading frame.
+struct GgxAlpha {
+  float x = 1;
+  float y = 1;
+
+  constexpr GgxAlpha() = default;
+  constexpr explicit GgxAlpha(float isotropic) : x(isotropic), y(isotropic) {}
+  constexpr GgxAlpha(float along_x, float along_y) : x(along_x), y(along_y) {}
+
+  bool IsIsotropic() const { return x == y; }
+  /// Of an isotropic distribution that is about as wide.
+  float Mean() const { return IsIsotropic() ? x : std::sqrt(0.5f * (x * x + y * y)); }
+  /// The square of the alpha in the plane of the normal and w, which masking towards w depends on.
+  float SquaredTowards(Vec3 w) const {
+    const float sine2 = w.x * w.x + w.y * w.y;
+    if (IsIsotropic() || sine2 <= 0) return x * y;
+    return (x * x * w.x * w.x + y * y * w.y * w.y) / sine2;
+  }
+};
+
 /// Density of microfacet normals at h, per projected steradian.
-float GgxDensity(Vec3 h, float alpha);
+float GgxDensity(Vec3 h, GgxAlpha alpha);
 
 /// Height-correlated masking and shadowing over 4 cos_i cos_o: the "visibility" term V = G / (4 |wi.z|
 /// |wo.z|).
-float GgxVisibility(float cos_i, float cos_o, float alpha);
+float GgxVisibility(Vec3 wi, Vec3 wo, GgxAlpha alpha);
 
 /// Height-correlated masking-shadowing of both directions over the masking of wo: the weight of a sampled
-/// visible normal. Both cosines are positive; wi may lie on either side.
-float GgxShadowing(float cos_i, float cos_o, float alpha);
+/// visible normal. wi may lie on either side.
+float GgxShadowing(Vec3 wi, Vec3 wo, GgxAlpha alpha);
 
 /// Samples a microfacet normal visible from wo, with density GgxVisibleDensity(wo, h).
-Vec3 SampleGgxVisibleNormal(Vec3 wo, float alpha, Vec2 u);
+Vec3 SampleGgxVisibleNormal(Vec3 wo, GgxAlpha alpha, Vec2 u);
 
 /// Density of SampleGgxVisibleNormal, per steradian of h.
-float GgxVisibleDensity(Vec3 wo, Vec3 h, float alpha);
+float GgxVisibleDensity(Vec3 wo, Vec3 h, GgxAlpha alpha);
+
+/// The reflection of wo by a microfacet with normal h.
+inline Vec3 MirrorDirection(Vec3 wo, Vec3 h) { return h * (2.0f * Dot(wo, h)) - wo; }
 
 /// Schlick's approximation of the Fresnel reflectance; f0 and f90 are its values at normal and grazing
 /// incidence.

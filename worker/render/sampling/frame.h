@@ -23,6 +23,13 @@ struct Frame {
     x = {1.0f + sign * z.x * z.x * a, sign * b, -sign * z.x};
     y = {b, sign + z.y * z.y * a, -z.y};
   }
+  /// The same with x in the plane of the normal and `along`, if they span one.
+  Frame(Vec3 normal, Vec3 along) : Frame(normal) {
+    const Vec3 tangent = along - z * Dot(along, z);
+    if (LengthSquared(tangent) <= 1e-8f) return;
+    x = Normalize(tangent);
+    y = Cross(z, x);
+  }
 
   Vec3 ToLocal(Vec3 v) const { return {Dot(v, x), Dot(v, y), Dot(v, z)}; }
   Vec3 ToWorld(Vec3 v) const { return x * v.x + y * v.y + z * v.z; }

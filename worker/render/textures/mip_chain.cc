@@ -33,32 +33,51 @@ std::vector<Span> SpansOf(int size, int half) {
   return spans;
 }
 
-scene::ImageData Halve(const scene::ImageData& image, const TransferTable& color,
-                       const TransferTable& alpha) {
-  scene::ImageData half;
-  half.width = std::max(image.width / 2, 1);
-  half.height = std::max(image.height / 2, 1);
-  half.rgba.resize(static_cast<size_t>(half.width) * half.height * 4);
+/// Sets the codes of `half`, a picture of half the size.
+template <typename Code>
+void Halve(const scene::ImageData& image, const TransferTable& color, const TransferTable& alpha,
+           const scene::ImageData& half, std::vector<Code>* codes) {
+  codes->resize(static_cast<size_t>(half.width) * half.height * 4);
   const std::vector<Span> columns = SpansOf(image.width, half.width);
   const std::vector<Span> rows = SpansOf(image.height, half.height);
-  uint8_t* out = half.rgba.data();
+  Code* out = codes->data();
   for (const Span& row : rows) {
     for (const Span& column : columns) {
       float sum[4] = {};
       for (int y = 0; y < row.count; ++y) {
-        const uint8_t* in =
-            &image.rgba[(static_cast<size_t>(row.first + y) * image.width + column.first) * 4];
+        const Code* in =
+            &image.codes<Code>()[(static_cast<size_t>(row.first + y) * image.width + column.first) * 4];
         for (int x = 0; x < column.count; ++x, in += 4) {
           const float weight = row.weight[y] * column.weight[x];
           for (int c = 0; c < 3; ++c) sum[c] += weight * color.Decode(in[c]);
           sum[3] += weight * alpha.Decode(in[3]);
         }
       }
-      for (int c = 0; c < 3; ++c) *out++ = color.Encode(sum[c]);
-      *out++ = alpha.Encode(sum[3]);
+      for (int c = 0; c < 3; ++c) color.Encode(sum[c], out++);
+      alpha.Encode(sum[3], out++);
     }
   }
+}
+
+scene::ImageData Half(const scene::ImageData& image, const TransferTable& color, const TransferTable& alpha) {
+  scene::ImageData half;
+  half.width = std::max(image.width / 2, 1);
+  half.height = std::max(image.height / 2, 1);
+  if (image.is_deep())
+    Halve(image, color, alpha, half, &half.rgba16);
+  else
+    Halve(image, color, alpha, half, &half.rgba);
   return half;
+}
+
+/// The linear values of all sRGB codes of 16 bits.
+const std::vector<float>& DeepSrgb() {
+  static const std::vector<float> values = [] {
+    std::vector<float> made(65536);
+    for (size_t i = 0; i < made.size(); ++i) made[i] = LinearFromSrgb(static_cast<float>(i) / 65535.0f);
+    return made;
+  }();
+  return values;
 }
 
 }  // namespace
@@ -73,13 +92,19 @@ TransferTable::TransferTable(bool srgb) {
     while (above < 255 && linear_[above] < static_cast<float>(i) / kSteps) ++above;
     above_[i] = static_cast<uint8_t>(above);
   }
+  if (srgb) deep_ = DeepSrgb().data();
 }
 
-uint8_t TransferTable::Encode(float linear) const {
+void TransferTable::Encode(float linear, uint16_t* code) const {
+  const float encoded = deep_ != nullptr ? SrgbFromLinear(linear) : std::clamp(linear, 0.0f, 1.0f);
+  *code = static_cast<uint16_t>(encoded * 65535.0f + 0.5f);
+}
+
+void TransferTable::Encode(float linear, uint8_t* code) const {
   const float* above = linear_ + above_[static_cast<int>(std::clamp(linear, 0.0f, 1.0f) * kSteps)];
   while (above < linear_ + 255 && *above < linear) ++above;  // once at most: codes are more than a step apart
   const bool nearer_below = linear - above[-1] < above[0] - linear;
-  return static_cast<uint8_t>(above - linear_ - (nearer_below ? 1 : 0));
+  *code = static_cast<uint8_t>(above - linear_ - (nearer_below ? 1 : 0));
 }
 
 MipLevels MakeMipChain(const scene::ImageData& image, const TransferTable& color,
@@ -87,7 +112,7 @@ MipLevels MakeMipChain(const scene::ImageData& image, const TransferTable& color
   MipLevels chain;
   const scene::ImageData* last = &image;
   while (last->width > 1 || last->height > 1) {
-    scene::ImageData half = Halve(*last, color, alpha);
+    scene::ImageData half = Half(*last, color, alpha);
     chain.push_back(std::move(half));
     last = &chain.back();
   }

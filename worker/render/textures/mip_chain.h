@@ -9,21 +9,26 @@
 
 namespace lumifold::render {
 
-/// The transfer function of 8-bit texels: linear value of each of the 256 codes, and its inverse.
+/// The transfer function of texels: linear value of each code of 8 or 16 bits, and its inverse.
 class TransferTable {
  public:
-  /// `srgb`: codes are sRGB-encoded; else linear value = code / 255.
+  /// `srgb`: codes are sRGB-encoded; else linear value = code / the largest code.
   explicit TransferTable(bool srgb);
 
   float Decode(uint8_t code) const { return linear_[code]; }
-  /// The code whose linear value is nearest.
-  uint8_t Encode(float linear) const;
+  float Decode(uint16_t code) const {
+    return deep_ != nullptr ? deep_[code] : static_cast<float>(code) / 65535.0f;
+  }
+  /// The code whose linear value is nearest; of 16 bits the one next to its encoded value.
+  void Encode(float linear, uint8_t* code) const;
+  void Encode(float linear, uint16_t* code) const;
 
  private:
   static constexpr int kSteps = 4096;  // a power of two: the step of a value is exact
 
   float linear_[256];
-  uint8_t above_[kSteps + 1];  // the first code from 1 on whose linear value is not below that of the step
+  const float* deep_ = nullptr;  // of sRGB codes: the linear values of 16 bits; lives as long as the program
+  uint8_t above_[kSteps + 1];    // the first code from 1 on whose linear value is not below that of the step
 };
 
 using MipLevels = std::vector<scene::ImageData>;

@@ -69,25 +69,29 @@ T Interpolate(const ImageData& image, const scene::Texture& texture, Vec2 uv, co
   return Mix(Mix(texel(x0, y0), texel(x1, y0), tx), Mix(texel(x0, y1), texel(x1, y1), tx), ty);
 }
 
-/// The linear values of a picture's texels.
+/// The linear values of a picture's texels, which have codes of this type.
+template <typename Code>
 struct Texels {
   const ImageData* image;
   const TransferTable* color;
   const TransferTable* alpha;
 
   Rgba operator()(int x, int y) const {
-    const uint8_t* p = &image->rgba[(static_cast<size_t>(y) * image->width + x) * 4];
+    const Code* p = &image->codes<Code>()[(static_cast<size_t>(y) * image->width + x) * 4];
     return Rgba{color->Decode(p[0]), color->Decode(p[1]), color->Decode(p[2]), alpha->Decode(p[3])};
   }
 };
 
-Rgba Bilinear(const Texels& texels, const scene::Texture& texture, Vec2 uv) {
+template <typename Code>
+Rgba Bilinear(const Texels<Code>& texels, const scene::Texture& texture, Vec2 uv) {
   return Interpolate<Rgba>(*texels.image, texture, uv, texels);
 }
 
 /// Interpolates between the two levels whose texels are nearest in size to `width` texels of the picture; at
 /// most the smallest level.
-Rgba Trilinear(Texels texels, const MipLevels& levels, const scene::Texture& texture, Vec2 uv, float width) {
+template <typename Code>
+Rgba Trilinear(Texels<Code> texels, const MipLevels& levels, const scene::Texture& texture, Vec2 uv,
+               float width) {
   int level = 0;  // the last one whose texels are not wider than `width`
   for (float next = 2; next <= width && level < static_cast<int>(levels.size()); next *= 2) ++level;
   if (level > 0) texels.image = &levels[level - 1];
@@ -97,6 +101,52 @@ Rgba Trilinear(Texels texels, const MipLevels& levels, const scene::Texture& tex
   if (!(excess > 0)) return fine;
   texels.image = &levels[level];
   return Mix(fine, Bilinear(texels, texture, uv), excess);
+}
+
+/// The mean over a footprint, whose first texture coordinates are at `ref`'s set.
+template <typename Code>
+Vec4 MeanOver(const Texels<Code>& texels, const MipLevels& levels, const scene::Texture& texture,
+              const scene::TextureRef& ref, Vec2 uv, const Vec2 (&diameter)[2]) {
+  const ImageData& image = *texels.image;
+  const Vec2 center = Transform(ref, uv);
+  const auto texels2 = [&image](Vec2 v) {
+    const float x = v.x * static_cast<float>(image.width);
+    const float y = v.y * static_cast<float>(image.height);
+    return x * x + y * y;
+  };
+  Vec2 major = Linear(ref, diameter[0]);
+  float major2 = texels2(major);
+  float minor2 = texels2(Linear(ref, diameter[1]));
+  if (minor2 > major2) {
+    major = Linear(ref, diameter[1]);
+    std::swap(major2, minor2);
+  }
+  if (!(major2 > 1)) return ToVec4(Bilinear(texels, texture, center));
+
+  const float length = std::min(std::sqrt(major2), 1e9f);
+  const float width = std::max(std::sqrt(minor2), std::max(length / kMaxProbes, 1.0f));
+  const int probes = std::max(static_cast<int>(std::ceil(length / width)), 1);
+  Rgba sum = {};
+  for (int i = 0; i < probes; ++i) {
+    const float along = (static_cast<float>(i) + 0.5f) / static_cast<float>(probes) - 0.5f;
+    sum += Trilinear(texels, levels, texture, center + major * along, width);
+  }
+  return ToVec4(sum * (1.0f / static_cast<float>(probes)));
+}
+
+template <typename Code>
+Vec3 MeanOfAll(const Texels<Code>& texels) {
+  const ImageData& image = *texels.image;
+  double sum[3] = {0, 0, 0};
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) {
+      const Rgba texel = texels(x, y);
+      for (int c = 0; c < 3; ++c) sum[c] += static_cast<double>(texel[c]);
+    }
+  }
+  const double count = static_cast<double>(image.width) * image.height;
+  return {static_cast<float>(sum[0] / count), static_cast<float>(sum[1] / count),
+          static_cast<float>(sum[2] / count)};
 }
 
 }  // namespace
@@ -124,48 +174,21 @@ Vec4 TextureSampler::SampleImage(const scene::TextureRef& ref, const Vec2 uv[2],
   const scene::Texture& texture = scene_->textures[ref.texture];
   if (texture.image == scene::kNone) return {1, 1, 1, 1};
   const ImageData& image = *scene_->images[texture.image];
-  const Texels texels = {&image, srgb ? &srgb_ : &linear_, &linear_};
-  const Vec2 center = Transform(ref, uv[ref.uv_set]);
-  const auto texels2 = [&image](Vec2 v) {
-    const float x = v.x * static_cast<float>(image.width);
-    const float y = v.y * static_cast<float>(image.height);
-    return x * x + y * y;
-  };
-  Vec2 major = Linear(ref, footprint.diameter[ref.uv_set][0]);
-  float major2 = texels2(major);
-  float minor2 = texels2(Linear(ref, footprint.diameter[ref.uv_set][1]));
-  if (minor2 > major2) {
-    major = Linear(ref, footprint.diameter[ref.uv_set][1]);
-    std::swap(major2, minor2);
-  }
-  if (!(major2 > 1)) return ToVec4(Bilinear(texels, texture, center));
-
-  const float length = std::min(std::sqrt(major2), 1e9f);
-  const float width = std::max(std::sqrt(minor2), std::max(length / kMaxProbes, 1.0f));
-  const int probes = std::max(static_cast<int>(std::ceil(length / width)), 1);
+  const TransferTable& color = srgb ? srgb_ : linear_;
   const MipLevels& levels = *levels_[srgb][texture.image];
-  Rgba sum = {};
-  for (int i = 0; i < probes; ++i) {
-    const float along = (static_cast<float>(i) + 0.5f) / static_cast<float>(probes) - 0.5f;
-    sum += Trilinear(texels, levels, texture, center + major * along, width);
-  }
-  return ToVec4(sum * (1.0f / static_cast<float>(probes)));
+  const Vec2 at = uv[ref.uv_set];
+  const auto& diameter = footprint.diameter[ref.uv_set];
+  if (image.is_deep())
+    return MeanOver<uint16_t>({&image, &color, &linear_}, levels, texture, ref, at, diameter);
+  return MeanOver<uint8_t>({&image, &color, &linear_}, levels, texture, ref, at, diameter);
 }
 
 Vec3 TextureSampler::Mean(const scene::TextureRef& ref, bool srgb) const {
   if (ref.texture == scene::kNone || scene_->textures[ref.texture].image == scene::kNone) return {1, 1, 1};
   const ImageData& image = *scene_->images[scene_->textures[ref.texture].image];
-  const Texels texels = {&image, srgb ? &srgb_ : &linear_, &linear_};
-  double sum[3] = {0, 0, 0};
-  for (int y = 0; y < image.height; ++y) {
-    for (int x = 0; x < image.width; ++x) {
-      const Rgba texel = texels(x, y);
-      for (int c = 0; c < 3; ++c) sum[c] += static_cast<double>(texel[c]);
-    }
-  }
-  const double count = static_cast<double>(image.width) * image.height;
-  return {static_cast<float>(sum[0] / count), static_cast<float>(sum[1] / count),
-          static_cast<float>(sum[2] / count)};
+  const TransferTable& color = srgb ? srgb_ : linear_;
+  return image.is_deep() ? MeanOfAll<uint16_t>({&image, &color, &linear_})
+                         : MeanOfAll<uint8_t>({&image, &color, &linear_});
 }
 
 float SampleAlpha(const scene::Scene& scene, const scene::TextureRef& ref, Vec2 uv) {
@@ -173,7 +196,9 @@ float SampleAlpha(const scene::Scene& scene, const scene::TextureRef& ref, Vec2 
   if (texture.image == scene::kNone) return 1;
   const ImageData& image = *scene.images[texture.image];
   return Interpolate<float>(image, texture, Transform(ref, uv), [&image](int x, int y) {
-    return static_cast<float>(image.rgba[(static_cast<size_t>(y) * image.width + x) * 4 + 3]) / 255.0f;
+    const size_t code = (static_cast<size_t>(y) * image.width + x) * 4 + 3;
+    if (image.is_deep()) return static_cast<float>(image.rgba16[code]) / 65535.0f;
+    return static_cast<float>(image.rgba[code]) / 255.0f;
   });
 }
 

@@ -2,18 +2,22 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
+#include <vector>
 
 namespace lumifold::render {
 namespace {
 
-ValueRange RangeOf(const scene::ImageData& image, size_t channel) {
-  uint8_t min = 255;
-  uint8_t max = 0;
-  for (size_t i = channel; i < image.rgba.size(); i += 4) {
-    min = std::min(min, image.rgba[i]);
-    max = std::max(max, image.rgba[i]);
+template <typename Code>
+ValueRange RangeOf(const std::vector<Code>& codes, size_t channel) {
+  constexpr Code kMost = std::numeric_limits<Code>::max();
+  Code min = kMost;
+  Code max = 0;
+  for (size_t i = channel; i < codes.size(); i += 4) {
+    min = std::min(min, codes[i]);
+    max = std::max(max, codes[i]);
   }
-  return {static_cast<float>(min) / 255.0f, static_cast<float>(max) / 255.0f};
+  return {static_cast<float>(min) / float{kMost}, static_cast<float>(max) / float{kMost}};
 }
 
 }  // namespace
@@ -21,9 +25,12 @@ ValueRange RangeOf(const scene::ImageData& image, size_t channel) {
 ValueRange TextureRanges::Of(const scene::TextureRef& ref, size_t channel) {
   if (ref.texture == scene::kNone) return {};
   const int image = scene_->textures[ref.texture].image;
-  if (image == scene::kNone || scene_->images[image]->rgba.empty()) return {};
+  if (image == scene::kNone) return {};
+  const scene::ImageData& picture = *scene_->images[image];
+  if (picture.bytes() == 0) return {};
   std::optional<ValueRange>& range = known_[image][channel];
-  if (!range.has_value()) range = RangeOf(*scene_->images[image], channel);
+  if (!range.has_value())
+    range = picture.is_deep() ? RangeOf(picture.rgba16, channel) : RangeOf(picture.rgba, channel);
   return *range;
 }
 

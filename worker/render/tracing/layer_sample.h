@@ -59,6 +59,14 @@ struct FirstHit {
   float roughness = 1;          // GGX alpha of the reflecting lobe; 1 if there is none
 };
 
+/// A surface of ShadowCatchers that the camera sees, and what a sample of the lights brings it, as luminance
+/// of irradiance.
+struct CaughtShadow {
+  bool is_hit = false;
+  float light = 0;   // with nothing in between
+  float shadow = 0;  // the part of it that does not arrive
+};
+
 /// One camera sample in layers. To float rounding
 ///   combined = (direct + indirect) * albedo + emitted + glossy * glossy_albedo
 ///              + sum over levels of ((direct + indirect) * albedo + emitted) + remainder.
@@ -72,12 +80,14 @@ struct LayerSample {
   scene::Vec3 glossy_albedo;  // S: the directional albedo of those lobes
   scene::Vec3 remainder;      // all else: glossy lobes seen in mirrors, and light after the last level
   FirstHit first;
+  CaughtShadow caught;
   ByLevel<LevelSample> levels;
 
   void Clear() {
     combined = direct = indirect = albedo = emitted = glossy = glossy_albedo = remainder = {};
     levels.Clear();
     first = {};
+    caught = {};
   }
 };
 

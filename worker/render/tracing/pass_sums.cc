@@ -36,6 +36,14 @@ void PutAll(std::span<const float> values, int x, int y, LayeredImage* image) {
   for (size_t i = 0; i < values.size(); ++i) image->channels()[i].plane.At(x, y) = values[i];
 }
 
+void MatteSums::Add(const LayerSample& sample, size_t half) {
+  if (sample.first.instance != scene::kNone) opacity += 1;
+  if (!sample.caught.is_hit) return;
+  catcher += 1;
+  light[half] += sample.caught.light;
+  shadow[half] += sample.caught.shadow;
+}
+
 void PixelSums::Add(const LayerSample& s, size_t half) {
   halved[half][0] += s.combined;
   halved[half][1] += s.direct;
@@ -45,11 +53,12 @@ void PixelSums::Add(const LayerSample& s, size_t half) {
   whole[1] += s.emitted;
   whole[2] += s.glossy_albedo;
   count[half] += 1;
+  matte.Add(s, half);
   s.levels.ForEach(
       [&](layers::Level level, const LevelSample& sample) { AddLevel(sample, half, &levels.Set(level)); });
 }
 
-PassPicture::PassPicture(int width, int height, const TracingPlan::Layers& carried)
+PassPicture::PassPicture(int width, int height, const TracingPlan::Layers& carried, bool has_matte)
     : image_(width, height), levels_(width, height, layers::LevelPassChannels) {
   for (size_t i = 0; i < layers::kHalved.size(); ++i) {
     if (!carried.Has(layers::kHalved[i])) continue;
@@ -61,6 +70,8 @@ PassPicture::PassPicture(int width, int height, const TracingPlan::Layers& carri
     if (carried.Has(layers::kWhole[i])) whole_.push_back({i, image_.AddColor(layers::kWhole[i])});
   }
   count_ = {image_.Add(layers::kSamplesA), image_.Add(layers::kSamplesB)};
+  if (!has_matte) return;
+  for (const std::string_view name : layers::kMatte) matte_.push_back(image_.Add(name));
 }
 
 void PassPicture::Store(int x, int y, const PixelSums& sums) {
@@ -69,6 +80,12 @@ void PassPicture::Store(int x, int y, const PixelSums& sums) {
     count_[half].At(x, y) = sums.count[half];
   }
   for (const auto& layer : whole_) Put(layer.views, x, y, sums.whole[layer.number]);
+  if (!matte_.empty()) {
+    const MatteSums& m = sums.matte;
+    const std::array<float, layers::kMatte.size()> values = {m.opacity,  m.catcher,   m.light[0],
+                                                             m.light[1], m.shadow[0], m.shadow[1]};
+    for (size_t i = 0; i < values.size(); ++i) matte_[i].At(x, y) = values[i];
+  }
   sums.levels.ForEach([&](layers::Level level, const LevelSums& level_sums) {
     PutAll(ValuesOf(level_sums), x, y, &levels_.At(level));
   });

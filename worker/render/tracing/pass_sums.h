@@ -19,11 +19,22 @@ struct LevelSums {
   std::array<float, 2> count = {0, 0};  // samples that hit a surface with a diffuse lobe, by half
 };
 
+/// Sums that A is made of, see layers::kMatte.
+struct MatteSums {
+  float opacity = 0;
+  float catcher = 0;
+  std::array<float, 2> light = {0, 0};  // by half
+  std::array<float, 2> shadow = {0, 0};
+
+  void Add(const LayerSample& sample, size_t half);
+};
+
 /// Sums over the samples of one pixel.
 struct PixelSums {
   std::array<std::array<scene::Vec3, layers::kHalved.size()>, 2> halved;
   std::array<scene::Vec3, layers::kWhole.size()> whole;
   std::array<float, 2> count = {0, 0};
+  MatteSums matte;
   ByLevel<LevelSums> levels;
 
   /// `half` is 0 for A, 1 for B.
@@ -33,8 +44,8 @@ struct PixelSums {
 /// The channels of a pass.
 class PassPicture {
  public:
-  /// `carried`: the layers that the picture has besides C.
-  PassPicture(int width, int height, const TracingPlan::Layers& carried = {});
+  /// `carried`: the layers that the picture has besides C. `has_matte`: it has layers::kMatte.
+  PassPicture(int width, int height, const TracingPlan::Layers& carried = {}, bool has_matte = false);
 
   void Store(int x, int y, const PixelSums& sums);
   /// Moves the picture out; levels come last.
@@ -52,6 +63,7 @@ class PassPicture {
   std::vector<Carried<std::array<ColorView, 2>>> halved_;
   std::vector<Carried<ColorView>> whole_;
   std::array<FloatView, 2> count_;
+  std::vector<FloatView> matte_;  // empty: none
 };
 
 /// Sets one pixel of every channel; `values` has the order of the channels.

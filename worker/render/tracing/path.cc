@@ -58,7 +58,7 @@ void Path::CloseSeen() {
   if (seen.depth == 0) {
     out->direct = seen.direct;
     out->indirect = indirect;
-    Demodulate(seen.glossy, out);
+    Demodulate(seen.throughput * seen.glossy, out);
   } else {
     LevelSample& level = out->levels.Set({branch, seen.depth});
     level.direct = seen.direct;

@@ -65,7 +65,7 @@ void PathTracer::TraceDeltaChainGeometry(const Ray& camera_ray, const Surface& f
 GeometrySample PathTracer::GeometryAt(const Ray& ray, const Hit& hit) const {
   GeometrySample out;
   if (hit.IsMiss()) {
-    out.emitted = EmittedOnMiss(ray.direction, 0);
+    if (!backdrop_.is_transparent) out.emitted = EmittedOnMiss(ray.direction, 0);
     return out;
   }
   const Surface surface = surfaces_.Read(hit, ray);
@@ -78,8 +78,9 @@ GeometrySample PathTracer::GeometryAt(const Ray& ray, const Hit& hit) const {
   out.distance = hit.distance;
   out.instance = hit.instance;
   out.roughness = bsdf.ReflectionAlpha();
-  out.albedo = bsdf.DiffuseAlbedo();
-  out.emitted = surfaces_.Emitted(surface);
+  const Vec3 transmittance = FirstTransmittance(surface, hit);
+  out.albedo = transmittance * bsdf.DiffuseAlbedo();
+  out.emitted = transmittance * surfaces_.Emitted(surface);
   TraceDeltaChainGeometry(ray, surface, bsdf.DeltaReflection(), &out);
   TraceDeltaChainGeometry(ray, surface, bsdf.DeltaTransmission(), &out);
   return out;
@@ -88,6 +89,7 @@ GeometrySample PathTracer::GeometryAt(const Ray& ray, const Hit& hit) const {
 void PathTracer::TraceGeometry(std::span<const Ray> rays, std::span<GeometrySample> out) const {
   std::array<Hit, kPacket> hits;
   embree_->IntersectTogether(rays, hits);
+  if (CatchesShadows()) backdrop_.catchers->Hide(rays, hits);
   for (size_t i = 0; i < rays.size(); ++i) out[i] = GeometryAt(rays[i], hits[i]);
 }
 

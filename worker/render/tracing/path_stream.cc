@@ -36,6 +36,7 @@ void PathStream::AdvancePackets() {
   for (const std::span<const Ray> rays : packets_) {
     std::array<Hit, PathTracer::kPacket> hits;
     tracer_->embree_->IntersectTogether(rays, hits);
+    if (tracer_->CatchesShadows()) tracer_->backdrop_.catchers->Hide(rays, hits);
     lit_ = 0;
     for (size_t i = 0; i < rays.size(); ++i) Shade(first + i, hits[i]);
     FlushAll();

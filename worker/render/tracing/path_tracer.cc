@@ -2,10 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <map>
+#include <optional>
 #include <utility>
 #include <vector>
 
+#include "filter/image/color.h"
 #include "filter/image/portable_math.h"
 #include "worker/render/materials/lobes.h"
 #include "worker/render/tracing/path_stream.h"
@@ -45,8 +49,8 @@ void OpenSeen(const Hit& hit, const Surface& surface, const SeenLobes& lobes, Pa
     return;
   }
   path->out->first = {hit.instance, surface.normal, hit.distance, lobes.roughness};
-  path->out->albedo = lobes.diffuse_albedo;
-  path->out->glossy_albedo = lobes.glossy_albedo;
+  path->out->albedo = path->throughput * lobes.diffuse_albedo;
+  path->out->glossy_albedo = path->throughput * lobes.glossy_albedo;
 }
 
 /// Builds the shadow ray from `surface` to the light sample.
@@ -91,7 +95,7 @@ bool Survives(float survival, float* u) {
 
 PathTracer::PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
                        std::shared_ptr<const Environment> environment, int max_bounces, const MipSource& mips,
-                       const TracingPlan& plan)
+                       const TracingPlan& plan, const Backdrop& backdrop)
     : embree_(&embree),
       textures_(scene, mips),
       surfaces_(scene, textures_),
@@ -100,7 +104,8 @@ PathTracer::PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
                                                               : AlbedoContentsOf(scene)),
       visibility_(scene, embree, surfaces_, albedo_table_),
       max_bounces_(max_bounces),
-      plan_(plan) {
+      plan_(plan),
+      backdrop_(backdrop) {
   for (const SurfaceMaterial& material : surfaces_.uniform())
     uniform_.push_back({BaseMaterial(material, albedo_table_), material.IsBaseOnly()});
 }
@@ -154,6 +159,35 @@ Vec3 PathTracer::EmittedOnMiss(Vec3 direction, float pdf) const {
   return radiance * HitWeight(pdf, light_pdf);
 }
 
+void PathTracer::CatchShadows(std::span<const Ray> rays, std::span<const Sampler> samplers,
+                              std::span<LayerSample> samples) const {
+  for (size_t i = 0; i < rays.size(); ++i) {
+    if (samples[i].first.instance != scene::kNone) continue;
+    if (const std::optional<Surface> catcher = backdrop_.catchers->At(rays[i]); catcher.has_value())
+      samples[i].caught = ShadowOn(*catcher, samplers[i]);
+  }
+}
+
+CaughtShadow PathTracer::ShadowOn(const Surface& catcher, const Sampler& sampler) const {
+  CaughtShadow caught = {.is_hit = true};
+  if (lights_.IsEmpty()) return caught;
+  const VertexNumbers random = PathSampler(sampler).Draw(0);
+  const LightSample sample =
+      lights_.Sample({catcher.position, catcher.normal}, random.light_and_lobe.x, random.light_point);
+  const float cosine = Dot(sample.direction, catcher.normal);
+  if (sample.pdf <= 0 || cosine <= 0) return caught;
+  Ray ray;
+  SetShadowRay(catcher, sample, &ray);
+  const Vec3 unseen = sample.radiance * (Vec3{1, 1, 1} - visibility_.Transmittance(ray));
+  const float light =
+      Luminance(sample.radiance.x, sample.radiance.y, sample.radiance.z) * cosine / sample.pdf;
+  const float shadow = Luminance(unseen.x, unseen.y, unseen.z) * cosine / sample.pdf;
+  if (!std::isfinite(light) || !std::isfinite(shadow)) return caught;
+  caught.light = light;
+  caught.shadow = shadow;
+  return caught;
+}
+
 bool PathTracer::Shade(const Hit& hit, Path* path, Connection* connection,
                        std::vector<Path>* branches) const {
   Surface surface;
@@ -170,14 +204,50 @@ bool PathTracer::Reach(const Hit& hit, Path* path, Surface* surface) const {
   path->estimate = -1;
   if (hit.IsMiss()) {
     if (!path->incident.has_scattered) path->incident.first_distance = std::numeric_limits<float>::infinity();
-    path->AddEmission(EmittedOnMiss(path->ray.direction, path->pdf));
+    if (path->vertex > 0 || !backdrop_.is_transparent)
+      path->AddEmission(EmittedOnMiss(path->ray.direction, path->pdf));
     return false;
   }
   if (!path->incident.has_scattered) path->incident.first_distance += hit.distance;
   surfaces_.Read(hit, path->ray, surface);
-  if (path->vertex > 0) Attenuate(*surface, hit, &path->throughput);
+  if (path->vertex > 0)
+    Attenuate(*surface, hit, &path->throughput);
+  else if (!around_camera_.empty())
+    path->throughput *= FirstTransmittance(*surface, hit);
   if (surface->is_emissive) path->AddEmission(EmittedOnHit(*surface, hit, *path));
   return path->scatterings <= max_bounces_;
+}
+
+Vec3 PathTracer::FirstTransmittance(const Surface& surface, const Hit& hit) const {
+  Vec3 left = {1, 1, 1};
+  if (std::find(around_camera_.begin(), around_camera_.end(), surface.material) != around_camera_.end())
+    Attenuate(surface, hit, &left);
+  return left;
+}
+
+std::vector<const scene::Material*> PathTracer::SolidsAround(Vec3 point) const {
+  constexpr Vec3 kDirections[] = {
+      {1, 0.31f, 0.17f}, {-0.23f, 1, 0.41f}, {-0.37f, -0.29f, 1}, {-0.53f, -1, -0.71f}};
+  constexpr int kMostCrossings = 64;
+  std::map<const scene::Material*, size_t> around;  // by how many of the rays
+  for (const Vec3 direction : kDirections) {
+    std::map<const scene::Material*, int> left;
+    Ray ray = {.origin = point, .direction = Normalize(direction)};
+    for (int i = 0; i < kMostCrossings; ++i) {
+      const Hit hit = embree_->Intersect(ray);
+      if (hit.IsMiss()) break;
+      const Surface surface = surfaces_.Read(hit, ray);
+      if (surface.material->volume.is_solid && surface.material->volume.attenuation_distance > 0)
+        left[surface.material] += surface.front ? -1 : 1;
+      ray.origin = surface.Offset(ray.direction);
+    }
+    for (const auto& [material, times] : left) around[material] += times == 1 ? 1 : 0;
+  }
+  std::vector<const scene::Material*> solids;
+  for (const auto& [material, rays] : around) {
+    if (rays == std::size(kDirections)) solids.push_back(material);
+  }
+  return solids;
 }
 
 Roulette PathTracer::RouletteAt(const Path& path) const {

@@ -14,6 +14,7 @@
 #include "worker/render/tracing/geometry_sample.h"
 #include "worker/render/tracing/layer_sample.h"
 #include "worker/render/tracing/path.h"
+#include "worker/render/tracing/shadow_catchers.h"
 #include "worker/render/tracing/surface.h"
 #include "worker/render/tracing/tracing_plan.h"
 #include "worker/render/tracing/visibility.h"
@@ -36,6 +37,12 @@ struct PathVertex {
   int64_t rays = 0;      // so far, from the first surface on
 };
 
+/// What the camera sees where it sees no surface.
+struct Backdrop {
+  bool is_transparent = false;               // nothing; else the environment
+  const ShadowCatchers* catchers = nullptr;  // null: none
+};
+
 /// Unbiased path tracing with next-event estimation and multiple importance sampling (balance heuristic).
 /// Layers keep the lobes apart at the first surface and at the surfaces seen in mirrors and through glass.
 /// After those surfaces all lobes are summed, so the layers cost next to nothing. At smooth glass that the
@@ -50,13 +57,20 @@ class PathTracer {
   /// nothing.
   PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
              std::shared_ptr<const Environment> environment, int max_bounces, const MipSource& mips = {},
-             const TracingPlan& plan = {});
+             const TracingPlan& plan = {}, const Backdrop& backdrop = {});
+
+  /// Finds the solids that the camera is inside of: light on its way to `camera` is absorbed there.
+  void SetCamera(Vec3 camera) { around_camera_ = SolidsAround(camera); }
 
   /// Maximum number of samples that are traced together.
   static constexpr size_t kPacket = EmbreeScene::kPacket;
 
   /// Traces up to kPacket samples and overwrites `out`. The rays' random keys are set.
   void Trace(std::span<const Ray> rays, std::span<const Sampler> samplers, std::span<LayerSample> out) const;
+  /// Adds the shadows on catchers to traced samples.
+  void CatchShadows(std::span<const Ray> rays, std::span<const Sampler> samplers,
+                    std::span<LayerSample> samples) const;
+  bool CatchesShadows() const { return backdrop_.catchers != nullptr; }
   /// Finds the first surface of up to kPacket rays, and the surfaces that delta events lead to from there.
   /// The rays' random keys are set.
   void TraceGeometry(std::span<const Ray> rays, std::span<GeometrySample> out) const;
@@ -119,6 +133,12 @@ class PathTracer {
   Vec3 EmittedOnHit(const Surface& surface, const Hit& hit, const Path& path) const;
   /// The same for a ray that leaves the scene.
   Vec3 EmittedOnMiss(Vec3 direction, float pdf) const;
+  /// The materials of the absorbing solids around a point: rays in all directions leave them once more than
+  /// they enter them, which holds for no mesh that is not closed.
+  std::vector<const scene::Material*> SolidsAround(Vec3 point) const;
+  /// What is left of light from the first surface to the camera.
+  Vec3 FirstTransmittance(const Surface& surface, const Hit& hit) const;
+  CaughtShadow ShadowOn(const Surface& catcher, const Sampler& sampler) const;
   Bsdf MakeBsdf(const Surface& surface, Vec3 wo) const;
   /// How a path goes on from a vertex that it was at with this probability of survival. Returns whether it
   /// does.
@@ -146,6 +166,8 @@ class PathTracer {
   Visibility visibility_;
   int max_bounces_;
   TracingPlan plan_;
+  Backdrop backdrop_;
+  std::vector<const scene::Material*> around_camera_;
   LightStrategy strategy_ = LightStrategy::kCombined;  // another one has no lanes
   bool uses_lanes_ = true;
 };

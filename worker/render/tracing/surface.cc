@@ -41,7 +41,8 @@ bool HasTextures(const scene::Material& material) {
 
 SurfaceReader::Kind KindOfMaterial(const scene::Material& m) {
   using Kind = SurfaceReader::Kind;
-  if (m.transmission.factor > 0 || m.clearcoat.factor > 0 || MaxComponent(m.sheen.color) > 0)
+  if (m.transmission.factor > 0 || m.clearcoat.factor > 0 || MaxComponent(m.sheen.color) > 0 ||
+      m.anisotropy.strength > 0 || m.diffuse_transmission.factor > 0 || m.iridescence.factor > 0)
     return Kind::kRare;
   return m.base.metallic > 0 || m.specular.factor > 0 ? Kind::kBase : Kind::kDiffuse;
 }
@@ -101,9 +102,11 @@ SurfaceReader::InstanceData SurfaceReader::DataOf(const scene::Scene& scene, siz
   data.is_emissive = data.material->unlit || MaxComponent(data.material->emission.radiance) > 0;
   data.kind = KindOfMaterial(*data.material);
   const bool is_uniform = !data.is_textured && mesh.colors.empty();
-  data.is_plain = is_uniform && IsFlat(mesh);
-  // The values of glass and coats depend on the side and the normal.
-  if (is_uniform && data.material->transmission.factor <= 0 && data.material->clearcoat.factor <= 0) {
+  const bool has_tangents = data.material->anisotropy.strength > 0;
+  data.is_plain = is_uniform && !has_tangents && IsFlat(mesh);
+  // The values of glass and coats depend on the side and the normal, those of anisotropic layers on tangents.
+  if (is_uniform && !has_tangents && data.material->transmission.factor <= 0 &&
+      data.material->clearcoat.factor <= 0) {
     Surface anywhere;
     anywhere.material = data.material;
     uniform_[mesh_index] = Shade(anywhere);
@@ -154,9 +157,13 @@ void SurfaceReader::ReadCorners(const InstanceData& instance, const Hit& hit, co
   const Vec3 unmapped = surface->normal;
   const scene::Material& material = *surface->material;
   // The loader creates tangents for every mesh that has the texture coordinates of its normal map.
-  if (material.normal_map.texture.texture != scene::kNone && !mesh.tangents.empty()) {
+  if (material.normal_map.texture.texture != scene::kNone) {
     surface->normal = MappedNormal(material.normal_map.texture, material.normal_map.scale, instance, hit,
                                    *surface, unmapped);
+  }
+  if (material.anisotropy.strength > 0) {
+    const auto axes = TangentsAt(instance, hit, surface->front, unmapped);
+    surface->anisotropy = axes.has_value() ? AnisotropyAt(*axes, *surface) : Vec3{0, 0, 0};
   }
   surface->normal = FaceViewer(surface->normal, -ray.direction);
   if (material.clearcoat.factor > 0)
@@ -166,8 +173,7 @@ void SurfaceReader::ReadCorners(const InstanceData& instance, const Hit& hit, co
 Vec3 SurfaceReader::CoatNormal(const InstanceData& instance, const Hit& hit, const Surface& surface,
                                Vec3 unmapped, const Ray& ray) const {
   const scene::Material& material = *surface.material;
-  const bool is_mapped =
-      material.clearcoat.normal_map.texture.texture != scene::kNone && !instance.mesh->tangents.empty();
+  const bool is_mapped = material.clearcoat.normal_map.texture.texture != scene::kNone;
   const Vec3 normal =
       is_mapped ? MappedNormal(material.clearcoat.normal_map.texture, material.clearcoat.normal_map.scale,
                                instance, hit, surface, unmapped)
@@ -207,24 +213,47 @@ Footprint SurfaceReader::FootprintAt(const Mesh& mesh, const Affine& to_world, c
   return footprint;
 }
 
-Vec3 SurfaceReader::MappedNormal(const scene::TextureRef& map, float scale, const InstanceData& instance,
-                                 const Hit& hit, const Surface& surface, Vec3 normal) const {
+std::optional<SurfaceReader::Tangents> SurfaceReader::TangentsAt(const InstanceData& instance, const Hit& hit,
+                                                                 bool front, Vec3 normal) {
   const Mesh& mesh = *instance.mesh;
+  if (mesh.tangents.empty()) return std::nullopt;
   const Affine& to_world = *instance.to_world;
   const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
   const Vec3 along = to_world.Vector(Interpolate(mesh.tangents, corners, hit.u, hit.v));
   Vec3 tangent = along - normal * Dot(along, normal);
-  if (LengthSquared(tangent) <= 0) return normal;
+  if (LengthSquared(tangent) <= 0) return std::nullopt;
   tangent = Normalize(tangent);
   // From behind, the shading normal was turned round; the texture's own axes belong to the front.
-  const float side = surface.front ? 1.0f : -1.0f;
+  const float side = front ? 1.0f : -1.0f;
   const float handedness = mesh.tangents[corners[0]].w * (to_world.Determinant() < 0 ? -1.0f : 1.0f);
-  const Vec3 bitangent = Cross(normal * side, tangent) * handedness;
+  return Tangents{tangent, Cross(normal * side, tangent) * handedness};
+}
+
+Vec3 SurfaceReader::AnisotropyAt(const Tangents& axes, const Surface& surface) const {
+  const scene::Material::Anisotropy& anisotropy = surface.material->anisotropy;
+  Vec2 direction = anisotropy.direction;
+  float strength = anisotropy.strength;
+  if (anisotropy.texture.texture != scene::kNone) {
+    const Vec4 texel = Data(anisotropy.texture, surface);
+    const Vec2 turned = {texel.x * 2 - 1, texel.y * 2 - 1};
+    const float length = std::sqrt(turned.x * turned.x + turned.y * turned.y);
+    if (length <= 0) return {0, 0, 0};
+    direction = {(direction.x * turned.x - direction.y * turned.y) / length,
+                 (direction.y * turned.x + direction.x * turned.y) / length};
+    strength *= texel.z;
+  }
+  return (axes.tangent * direction.x + axes.bitangent * direction.y) * strength;
+}
+
+Vec3 SurfaceReader::MappedNormal(const scene::TextureRef& map, float scale, const InstanceData& instance,
+                                 const Hit& hit, const Surface& surface, Vec3 normal) const {
+  const auto axes = TangentsAt(instance, hit, surface.front, normal);
+  if (!axes.has_value()) return normal;
   const Vec4 texel = Data(map, surface);
   const float x = (texel.x * 2 - 1) * scale;
   const float y = (texel.y * 2 - 1) * scale;
   const float z = texel.z * 2 - 1;
-  const Vec3 mapped = tangent * x + bitangent * y + normal * z;
+  const Vec3 mapped = axes->tangent * x + axes->bitangent * y + normal * z;
   return LengthSquared(mapped) > 0 ? Normalize(mapped) : normal;
 }
 
@@ -259,6 +288,7 @@ SurfaceMaterial SurfaceReader::Shade(const Surface& surface) const {
     out.roughness *= t.y;
     out.metallic *= t.z;
   }
+  if (m.anisotropy.strength > 0) out.anisotropy = surface.anisotropy;
   out.ior = m.ior;
   out.specular = m.specular.factor * Data(m.specular.factor_texture, surface).w;
   out.specular_color = m.specular.color * Color(m.specular.color_texture, surface);
@@ -267,6 +297,13 @@ SurfaceMaterial SurfaceReader::Shade(const Surface& surface) const {
     out.thin = !m.volume.is_solid;
     out.inside = !surface.front;
   }
+  if (m.diffuse_transmission.factor > 0) {
+    out.diffuse_transmission =
+        m.diffuse_transmission.factor * Data(m.diffuse_transmission.factor_texture, surface).w;
+    out.diffuse_transmission_color =
+        m.diffuse_transmission.color * Color(m.diffuse_transmission.color_texture, surface);
+  }
+  if (m.iridescence.factor > 0) ShadeFilm(surface, &out);
   if (m.clearcoat.factor > 0 || MaxComponent(m.sheen.color) > 0) ShadeLayers(surface, &out);
   return out;
 }
@@ -280,6 +317,14 @@ void SurfaceReader::ShadeLayers(const Surface& surface, SurfaceMaterial* out) co
   }
   out->sheen_color = m.sheen.color * Color(m.sheen.color_texture, surface);
   out->sheen_roughness = m.sheen.roughness * Data(m.sheen.roughness_texture, surface).w;
+}
+
+void SurfaceReader::ShadeFilm(const Surface& surface, SurfaceMaterial* out) const {
+  const scene::Material::Iridescence& film = surface.material->iridescence;
+  out->film_ior = film.ior;
+  out->film_thickness_nm = film.min_thickness_nm + (film.max_thickness_nm - film.min_thickness_nm) *
+                                                       Data(film.thickness_texture, surface).y;
+  if (out->film_thickness_nm > 0) out->iridescence = film.factor * Data(film.factor_texture, surface).x;
 }
 
 Vec3 SurfaceReader::EmittedBy(const Surface& surface) const {

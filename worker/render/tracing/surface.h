@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -16,6 +17,7 @@ struct Surface {
   Vec3 geometric;    // unit face normal on the side the ray came from
   Vec3 normal;       // unit shading normal, normal map included, on the same side
   Vec3 coat_normal;  // the same for the clear coat; set only if there is one
+  Vec3 anisotropy;   // SurfaceMaterial::anisotropy; set only if the material has any
   Vec2 uv[2];
   Footprint footprint;  // of the ray's cone; set only for materials with textures
   Vec3 vertex_color = {1, 1, 1};
@@ -92,11 +94,20 @@ class SurfaceReader {
   Vec3 BaseColor(const Surface& surface) const;
   Footprint FootprintAt(const scene::Mesh& mesh, const scene::Affine& to_world, const Hit& hit,
                         const Ray& ray, Vec3 normal) const;
+  /// The axes of the mesh's texture coordinates in the plane across `normal`.
+  struct Tangents {
+    Vec3 tangent;
+    Vec3 bitangent;
+  };
+  static std::optional<Tangents> TangentsAt(const InstanceData& instance, const Hit& hit, bool front,
+                                            Vec3 normal);
+  Vec3 AnisotropyAt(const Tangents& axes, const Surface& surface) const;
   /// `normal` perturbed by a normal map.
   Vec3 MappedNormal(const scene::TextureRef& map, float scale, const InstanceData& instance, const Hit& hit,
                     const Surface& surface, Vec3 normal) const;
   Vec3 CoatNormal(const InstanceData& instance, const Hit& hit, const Surface& surface, Vec3 unmapped,
                   const Ray& ray) const;
+  void ShadeFilm(const Surface& surface, SurfaceMaterial* out) const;
   void ShadeLayers(const Surface& surface, SurfaceMaterial* out) const;
 
   const TextureSampler* textures_;

@@ -5,6 +5,7 @@
 // jerror.h needs the types of jpeglib.h.
 #include <jerror.h>
 
+#include <bit>
 #include <csetjmp>
 #include <cstdio>
 #include <cstring>
@@ -40,17 +41,20 @@ struct Decoding {
 };
 
 /// Checks the size and allocates the pixels.
-bool Accept(Decoding* decoding, uint64_t width, uint64_t height) {
+bool Accept(Decoding* decoding, uint64_t width, uint64_t height, bool is_deep = false) {
   decoding->refused = CheckImageSize(width, height, decoding->max_pixels);
   if (decoding->refused.ok())
     decoding->refused = CheckImageBytes(width, height, kMaxPixelsPerByte, decoding->encoded_bytes);
-  if (decoding->refused.ok()) decoding->image = EmptyImage(width, height);
+  if (decoding->refused.ok()) decoding->image = EmptyImage(width, height, is_deep);
   return decoding->refused.ok();
 }
 
+/// Of either depth.
 uint8_t* Row(Decoding* decoding, int y) {
-  return decoding->image.rgba.data() +
-         static_cast<size_t>(y) * static_cast<size_t>(decoding->image.width) * 4;
+  ImageData& image = decoding->image;
+  const size_t first = static_cast<size_t>(y) * static_cast<size_t>(image.width) * 4;
+  return image.is_deep() ? reinterpret_cast<uint8_t*>(image.rgba16.data() + first)
+                         : image.rgba.data() + first;
 }
 
 [[noreturn]] void OnPngError(png_structp png, png_const_charp message) {
@@ -68,12 +72,12 @@ void ReadPngBytes(png_structp png, png_bytep out, size_t count) {
   decoding->rest.remove_prefix(count);
 }
 
-/// Configures libpng to output 8-bit RGBA for every kind of file.
-void RequestRgba(png_structp png) {
+/// Configures libpng to output RGBA for every kind of file, with 8 bits or those of this machine's uint16_t.
+void RequestRgba(png_structp png, bool is_deep) {
   png_set_expand(png);
-  png_set_scale_16(png);
+  if (is_deep && std::endian::native == std::endian::little) png_set_swap(png);
   png_set_gray_to_rgb(png);
-  png_set_add_alpha(png, 0xff, PNG_FILLER_AFTER);
+  png_set_add_alpha(png, is_deep ? 0xffff : 0xff, PNG_FILLER_AFTER);
 }
 
 bool RunPng(png_structp png, png_infop info, Decoding* decoding) {
@@ -81,8 +85,10 @@ bool RunPng(png_structp png, png_infop info, Decoding* decoding) {
   png_set_read_fn(png, decoding, ReadPngBytes);
   png_set_user_limits(png, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
   png_read_info(png, info);
-  if (!Accept(decoding, png_get_image_width(png, info), png_get_image_height(png, info))) return false;
-  RequestRgba(png);
+  const bool is_deep = png_get_bit_depth(png, info) == 16;
+  if (!Accept(decoding, png_get_image_width(png, info), png_get_image_height(png, info), is_deep))
+    return false;
+  RequestRgba(png, is_deep);
   const int passes = png_set_interlace_handling(png);
   png_read_update_info(png, info);
   for (int pass = 0; pass < passes; ++pass) {

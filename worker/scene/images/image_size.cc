@@ -20,11 +20,15 @@ absl::Status CheckImageBytes(uint64_t width, uint64_t height, int64_t pixels_per
       absl::StrCat("claims ", width, "x", height, " pixels, but has only ", bytes, " bytes"));
 }
 
-ImageData EmptyImage(uint64_t width, uint64_t height) {
+ImageData EmptyImage(uint64_t width, uint64_t height, bool is_deep) {
   ImageData image;
   image.width = static_cast<int>(width);
   image.height = static_cast<int>(height);
-  image.rgba.resize(static_cast<size_t>(width * height) * 4);
+  const size_t codes = static_cast<size_t>(width * height) * 4;
+  if (is_deep)
+    image.rgba16.resize(codes);
+  else
+    image.rgba.resize(codes);
   return image;
 }
 

@@ -15,7 +15,7 @@ absl::Status CheckImageSize(uint64_t width, uint64_t height, int64_t max_pixels)
 /// picture: it is a decompression bomb or truncated.
 absl::Status CheckImageBytes(uint64_t width, uint64_t height, int64_t pixels_per_byte, int64_t bytes);
 
-/// A picture of zeros, of a size that CheckImageSize accepts.
-ImageData EmptyImage(uint64_t width, uint64_t height);
+/// A picture of zeros, of a size that CheckImageSize accepts. `is_deep`: with 16 bits a channel.
+ImageData EmptyImage(uint64_t width, uint64_t height, bool is_deep = false);
 
 }  // namespace lumifold::scene

@@ -1,13 +1,16 @@
 """The status page in a real browser, with a real coordinator and workers behind it."""
 
+import hashlib
 import os
 import pathlib
+import secrets
 import sys
 import tempfile
 import unittest
 
 import browser
 from farm import Farm, make_scene, wait_until
+from page_link import PageLink
 from page_test import HOSTILE, LONG
 
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "deploy"))
@@ -31,8 +34,12 @@ COLOUR = "return [...document.querySelector('#pieces canvas').getContext('2d').g
 # What is fetched as a file: its type, size and first bytes. The browser of the tests saves none.
 SAVED = """
 window.saved = null;
+URL.createObjectURL = (blob) => {
+  window.blob = blob; // the page's policy lets no script fetch its URL
+  return "blob:of-the-test";
+};
 HTMLAnchorElement.prototype.click = async function () {
-  const answer = await fetch(this.href);
+  const answer = this.href.startsWith("blob:") ? new Response(window.blob) : await fetch(this.href);
   const bytes = new Uint8Array(await answer.arrayBuffer());
   window.saved = [answer.status, answer.headers.get("Content-Type"), bytes.length, [...bytes.slice(0, 8)], this.download
     || answer.headers.get("Content-Disposition")];
@@ -59,6 +66,16 @@ class PageBrowserTest(unittest.TestCase):
 
     def submit(self, *settings):
         return self.farm.client("submit", self.scene, *settings).stdout.strip()
+
+    def submit_broken(self, user="anonymous"):
+        """A job that fails: over HTTP, since the client would see what is wrong. The farm has the scene."""
+        content = self.scene.read_bytes()
+        spec = {"scene": {"file": {"sha256": hashlib.sha256(content).hexdigest(), "size": len(content)}},
+                "camera": "no such camera", "width": 64, "height": 64, "frame_count": 1, "samples_per_pixel": 1}
+        link = PageLink(self.farm.client("page").stdout.strip())
+        status, answer = link.call("SubmitJob", spec=spec, request_id=secrets.token_hex(16), scheduling={"user": user})
+        self.assertEqual(status, 200, answer)
+        return answer["job_id"]
 
     def open(self, *arguments):
         self.browser.go(self.farm.client("page", *arguments).stdout.strip())
@@ -139,7 +156,7 @@ class PageBrowserTest(unittest.TestCase):
     def test_a_failure_says_what_to_do_and_a_job_is_deleted(self):
         self.farm.start_worker()
         self.farm.client("wait", self.submit("--size", "64x64", "--spp", 1))  # one that has delivered nothing is not believed
-        job = self.submit("--size", "64x64", "--spp", 1, "--camera", "no such camera")
+        job = self.submit_broken()
         self.open()
         self.browser.wait_text("#job-state", "failed", seconds=60)
         self.browser.wait_text("#notice", "no such camera")
@@ -272,7 +289,7 @@ class PageBrowserTest(unittest.TestCase):
             self.browser.run("document.querySelector(arguments[0]).open = true", details)
         self.browser.wait_text("#spec", "default")
         self.expect_accessible("an animation, and all that can be opened")
-        job = self.submit("--size", "64x64", "--spp", 1, "--camera", "no such camera", "--user", "ben")
+        job = self.submit_broken("ben")
         self.open(job)
         self.browser.wait_text("#notice", "no such camera", seconds=120)
         self.expect_accessible("a failure")

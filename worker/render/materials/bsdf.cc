@@ -80,10 +80,10 @@ GgxAlpha SurfaceMaterial::Alpha() const {
 BaseMaterial::BaseMaterial(const SurfaceMaterial& material, const AlbedoTable& table)
     : base_color(material.base_color),
       metallic(material.metallic),
-      base_weight((1.0f - material.metallic) * (1.0f - material.transmission)),
       alpha(material.Alpha().Mean()),
       root_alpha(std::sqrt(alpha)),
-      dielectric_f90(material.specular) {
+      dielectric_f90(material.specular),
+      base_weight((1.0f - material.metallic) * (1.0f - material.transmission)) {
   const Vec3 dielectric = DielectricF0(material) * material.specular;
   dielectric_f0 = MaxComponent(dielectric);
   f0 = dielectric * base_weight + base_color * metallic;

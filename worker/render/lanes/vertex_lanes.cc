@@ -215,19 +215,16 @@ using BitsVec = hn::Vec<BitsTag>;
 
 HWY_INLINE BitsVec Constant(uint32_t bits) { return hn::Set(BitsTag(), bits); }
 
-template <int kShift>
-HWY_INLINE BitsVec SwapBits(BitsVec x, uint32_t low) {
-  return hn::Or(hn::ShiftLeft<kShift>(hn::And(x, Constant(low))),
-                hn::And(hn::ShiftRight<kShift>(x), Constant(low)));
-}
-
 // The functions of sampler.cc.
 HWY_INLINE BitsVec ReverseBits(BitsVec x) {
-  x = hn::Or(hn::ShiftLeft<16>(x), hn::ShiftRight<16>(x));
-  x = SwapBits<8>(x, 0x00ff00ffu);
-  x = SwapBits<4>(x, 0x0f0f0f0fu);
-  x = SwapBits<2>(x, 0x33333333u);
-  return SwapBits<1>(x, 0x55555555u);
+  const hn::Repartition<uint8_t, BitsTag> bytes;
+  alignas(16) static constexpr uint8_t kBytes[16] = {3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12};
+  alignas(16) static constexpr uint8_t kHalves[16] = {0, 8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13, 3, 11, 7, 15};
+  const auto swapped = hn::TableLookupBytes(hn::BitCast(bytes, x), hn::LoadDup128(bytes, kBytes));
+  const auto reversed = hn::LoadDup128(bytes, kHalves);  // of four bits
+  const auto low = hn::TableLookupBytes(reversed, hn::And(swapped, hn::Set(bytes, 15)));
+  const auto high = hn::TableLookupBytes(reversed, hn::ShiftRight<4>(swapped));
+  return hn::BitCast(BitsTag(), hn::Or(hn::ShiftLeft<4>(low), high));
 }
 
 HWY_INLINE BitsVec ScrambleReversed(BitsVec x, BitsVec seed) {

@@ -32,29 +32,41 @@ void PathStream::Run() {
 }
 
 void PathStream::AdvancePackets() {
+  hits_.resize(paths_.size());
   size_t first = 0;
   for (const std::span<const Ray> rays : packets_) {
-    std::array<Hit, PathTracer::kPacket> hits;
+    const std::span<Hit> hits = std::span(hits_).subspan(first, rays.size());
     tracer_->embree_->IntersectTogether(rays, hits);
     if (tracer_->CatchesShadows()) tracer_->backdrop_.catchers->Hide(rays, hits);
-    lit_ = 0;
-    for (size_t i = 0; i < rays.size(); ++i) Shade(first + i, hits[i]);
-    FlushAll();
-    std::array<Ray, PathTracer::kPacket> shadow_rays;
-    std::array<size_t, PathTracer::kPacket> lit;
-    size_t count = 0;
-    for (size_t i = 0; i < lit_; ++i) {
-      if (shadows_[i].connection.IsBlack()) continue;
-      shadow_rays[count] = shadows_[i].connection.shadow_ray;
-      lit[count++] = i;
-    }
-    if (count > 0) {
-      std::array<Vec3, PathTracer::kPacket> transmittances;
-      tracer_->visibility_.Transmittances({shadow_rays.data(), count}, transmittances);
-      for (size_t i = 0; i < count; ++i) Arrive(lit[i], transmittances[i]);
-    }
-    FinishEnded();
     first += rays.size();
+  }
+  lit_ = 0;
+  for (size_t path = 0; path < paths_.size(); ++path) Shade(path, hits_[path]);
+  FlushAll();
+  ConnectPackets();
+  FinishEnded();
+}
+
+void PathStream::ConnectPackets() {
+  std::vector<Shadow*> of_path(paths_.size(), nullptr);
+  for (Shadow& shadow : std::span(shadows_).first(lit_)) {
+    if (!shadow.connection.IsBlack()) of_path[shadow.path] = &shadow;
+  }
+  size_t first = 0;
+  for (const std::span<const Ray> packet : packets_) {
+    std::array<Ray, PathTracer::kPacket> rays;
+    std::array<Shadow*, PathTracer::kPacket> shadows;
+    size_t count = 0;
+    for (Shadow* shadow : std::span(of_path).subspan(first, packet.size())) {
+      if (shadow == nullptr) continue;
+      rays[count] = shadow->connection.shadow_ray;
+      shadows[count++] = shadow;
+    }
+    first += packet.size();
+    if (count == 0) continue;
+    std::array<Vec3, PathTracer::kPacket> transmittances;
+    tracer_->visibility_.Transmittances({rays.data(), count}, transmittances);
+    for (size_t i = 0; i < count; ++i) Arrive(shadows[i], transmittances[i]);
   }
 }
 
@@ -68,9 +80,9 @@ void PathStream::Advance() {
   lit_ = 0;
   for (size_t i = 0; i < arriving_.size(); ++i) Shade(arriving_[i], hits_[i]);
   FlushAll();
-  for (size_t i = 0; i < lit_; ++i) {
-    const Connection& connection = shadows_[i].connection;
-    if (!connection.IsBlack()) Arrive(i, tracer_->visibility_.Transmittance(connection.shadow_ray));
+  for (Shadow& shadow : std::span(shadows_).first(lit_)) {
+    const Connection& connection = shadow.connection;
+    if (!connection.IsBlack()) Arrive(&shadow, tracer_->visibility_.Transmittance(connection.shadow_ray));
   }
   FinishEnded();
 }
@@ -151,10 +163,9 @@ void PathStream::FlushAll() {
   for (size_t kind = 0; kind <= kRare; ++kind) Flush(kind);
 }
 
-void PathStream::Arrive(size_t connection, Vec3 transmittance) {
-  Connection& lit = shadows_[connection].connection;
-  lit.light *= transmittance;
-  paths_[shadows_[connection].path].Add(lit);
+void PathStream::Arrive(Shadow* shadow, Vec3 transmittance) {
+  shadow->connection.light *= transmittance;
+  paths_[shadow->path].Add(shadow->connection);
 }
 
 void PathStream::FinishEnded() {

@@ -31,8 +31,9 @@ class PathStream {
  private:
   /// One vertex of all live paths: from their rays to the light that arrives there.
   void Advance();
-  /// The same for the first vertex, packet by packet.
+  /// The same for the first vertex, whose rays are traced by packets.
   void AdvancePackets();
+  void ConnectPackets();
   /// A vertex that waits until others are shaded with it.
   struct Vertex {
     size_t path;
@@ -70,8 +71,6 @@ class PathStream {
   void FlushAll();
   /// A path whose vertex is shaded goes on or not.
   void Close(size_t path, bool goes_on) { (goes_on ? live_ : ended_).push_back(path); }
-  /// Adds the light of a connection, of which this part arrives.
-  void Arrive(size_t connection, Vec3 transmittance);
   /// Ends the paths that did not go on.
   void FinishEnded();
 
@@ -80,6 +79,8 @@ class PathStream {
     Connection connection;
     size_t path;
   };
+  /// Adds its light, of which this part arrives.
+  void Arrive(Shadow* shadow, Vec3 transmittance);
 
   const PathTracer* tracer_;
   std::vector<Path> paths_;

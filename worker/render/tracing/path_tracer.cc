@@ -49,8 +49,8 @@ void OpenSeen(const Hit& hit, const Surface& surface, const SeenLobes& lobes, Pa
     return;
   }
   path->out->first = {hit.instance, surface.normal, hit.distance, lobes.roughness};
-  path->out->albedo = path->throughput * lobes.diffuse_albedo;
-  path->out->glossy_albedo = path->throughput * lobes.glossy_albedo;
+  path->out->albedo = path->seen.throughput * lobes.diffuse_albedo;
+  path->out->glossy_albedo = path->seen.throughput * lobes.glossy_albedo;
 }
 
 /// Builds the shadow ray from `surface` to the light sample.
@@ -233,7 +233,7 @@ std::vector<const scene::Material*> PathTracer::SolidsAround(Vec3 point) const {
   std::map<const scene::Material*, size_t> around;  // by how many of the rays
   for (const Vec3 direction : kDirections) {
     std::map<const scene::Material*, int> left;
-    Ray ray = {.origin = point, .direction = Normalize(direction)};
+    Ray ray = {{.origin = point, .direction = Normalize(direction)}};
     for (int i = 0; i < kMostCrossings; ++i) {
       const Hit hit = embree_->Intersect(ray);
       if (hit.IsMiss()) break;

@@ -58,7 +58,7 @@ std::vector<Ray> Bundle(int count) {
     const auto part = [bits](int shift) {
       return static_cast<float>(bits >> shift & 0xffffu) * 0x1p-15f - 1;
     };
-    Ray ray = {{0.1f, 0.2f, 0.8f}, Normalize(scene::Vec3{part(0), part(16), part(32) - 1.5f}), 1.2f};
+    Ray ray = {{{0.1f, 0.2f, 0.8f}, Normalize(scene::Vec3{part(0), part(16), part(32) - 1.5f}), 1.2f}};
     ray.random_key = static_cast<uint64_t>(i);
     rays.push_back(ray);
   }

@@ -31,15 +31,14 @@ HWY_INLINE AlbedoLanes LookUp(const float* albedos, Num cosine, Num root_alpha) 
   const auto c = whole(column);
   const Num row_part = row - hn::ConvertTo(LaneTag(), r);
   const Num column_part = column - hn::ConvertTo(LaneTag(), c);
-  const auto at = hn::ShiftLeft<1>(hn::Add(hn::ShiftLeft<5>(r), c));
-  const auto read = [&](int offset) {
-    return Num(hn::GatherIndex(LaneTag(), albedos, hn::Add(at, hn::Set(di, offset))));
-  };
+  // Scale and bias of two nodes side by side lie in a row.
+  alignas(64) std::array<int32_t, kMaxLanes> at;
+  hn::Store(hn::ShiftLeft<1>(hn::Add(hn::ShiftLeft<5>(r), c)), di, at.data());
+  const Num4 lower = LoadFours([&](size_t lane) { return albedos + at[lane]; });
+  const Num4 upper = LoadFours([&](size_t lane) { return albedos + at[lane] + 2 * kSize; });
   const auto mix = [](Num a, Num b, Num t) { return a + (b - a) * t; };
-  return {mix(mix(read(0), read(2), column_part), mix(read(2 * kSize), read(2 * kSize + 2), column_part),
-              row_part),
-          mix(mix(read(1), read(3), column_part), mix(read(2 * kSize + 1), read(2 * kSize + 3), column_part),
-              row_part)};
+  return {mix(mix(lower.x, lower.z, column_part), mix(upper.x, upper.z, column_part), row_part),
+          mix(mix(lower.y, lower.w, column_part), mix(upper.y, upper.w, column_part), row_part)};
 }
 
 struct FrameLanes {

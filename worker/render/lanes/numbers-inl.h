@@ -84,6 +84,64 @@ HWY_INLINE Num3 Select(Mask m, Num3 yes, Num3 no) {
 }
 HWY_INLINE Num3 Where(Mask m, Num3 yes) { return {Where(m, yes.x), Where(m, yes.y), Where(m, yes.z)}; }
 
+/// Four numbers of each path that lie side by side in a record.
+struct Num4 {
+  Num x, y, z, w;
+
+  HWY_INLINE Num3 xyz() const { return {x, y, z}; }
+};
+
+/// Records of four become vectors of one number each, and back: within every block of four lanes, rows and
+/// columns of a square of numbers are exchanged.
+HWY_INLINE Num4 Transpose(Num4 a) {
+  const LaneTag d;
+  const hn::RepartitionToWide<hn::RebindToUnsigned<LaneTag>> pairs;
+  const auto lower = [&](Num p, Num q) { return hn::BitCast(pairs, hn::InterleaveLower(d, p.v, q.v)); };
+  const auto upper = [&](Num p, Num q) { return hn::BitCast(pairs, hn::InterleaveUpper(d, p.v, q.v)); };
+  const auto low = lower(a.x, a.y), low2 = lower(a.z, a.w), high = upper(a.x, a.y), high2 = upper(a.z, a.w);
+  return {hn::BitCast(d, hn::InterleaveLower(pairs, low, low2)),
+          hn::BitCast(d, hn::InterleaveUpper(pairs, low, low2)),
+          hn::BitCast(d, hn::InterleaveLower(pairs, high, high2)),
+          hn::BitCast(d, hn::InterleaveUpper(pairs, high, high2))};
+}
+
+/// The records of paths kLane, kLane + 4, ...
+template <size_t kLane, class D, typename At>
+HWY_INLINE hn::Vec<D> LoadBlocks(D d, const At& at) {
+  if constexpr (hn::MaxLanes(D()) <= 4) {
+    return hn::LoadU(d, at(kLane));
+  } else {
+    const hn::Half<D> half;
+    return hn::Combine(d, LoadBlocks<kLane + hn::MaxLanes(D()) / 2>(half, at), LoadBlocks<kLane>(half, at));
+  }
+}
+template <size_t kLane, class D, typename At>
+HWY_INLINE void StoreBlocks(D d, hn::Vec<D> v, const At& at) {
+  if constexpr (hn::MaxLanes(D()) <= 4) {
+    hn::StoreU(v, d, at(kLane));
+  } else {
+    const hn::Half<D> half;
+    StoreBlocks<kLane>(half, hn::LowerHalf(half, v), at);
+    StoreBlocks<kLane + hn::MaxLanes(D()) / 2>(half, hn::UpperHalf(half, v), at);
+  }
+}
+
+/// Reads and writes the four numbers of each path at the address at(lane).
+template <typename At>
+HWY_INLINE Num4 LoadFours(const At& at) {
+  const LaneTag d;
+  return Transpose({LoadBlocks<0>(d, at), LoadBlocks<1>(d, at), LoadBlocks<2>(d, at), LoadBlocks<3>(d, at)});
+}
+template <typename At>
+HWY_INLINE void StoreFours(Num4 a, const At& at) {
+  const LaneTag d;
+  const Num4 rows = Transpose(a);
+  StoreBlocks<0>(d, rows.x.v, at);
+  StoreBlocks<1>(d, rows.y.v, at);
+  StoreBlocks<2>(d, rows.z.v, at);
+  StoreBlocks<3>(d, rows.w.v, at);
+}
+
 }  // namespace HWY_NAMESPACE
 }  // namespace lumifold::render
 HWY_AFTER_NAMESPACE();

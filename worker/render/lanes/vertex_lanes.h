@@ -3,13 +3,21 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
+#include "worker/render/lights/lights.h"
+#include "worker/render/materials/bsdf.h"
 #include "worker/scene/vec.h"
 
 namespace lumifold::render {
 
 /// Most paths that are shaded side by side.
 inline constexpr size_t kMaxLanes = 16;
+
+/// The cone of a scattered ray covers about this share of the solid angle over the density of its direction,
+/// so that after diffuse scattering (density at most 1/pi) it opens by at least a sixth of a radian: narrow
+/// enough to resolve textures nearby, wide enough to read distant ones from few texels.
+inline constexpr float kConeShareOfDensity = 0.1f;
 
 /// A number of each path.
 using LaneRow = std::array<float, kMaxLanes>;
@@ -44,72 +52,100 @@ struct RandomLanes {
   LanePair light_and_lobe, light_point, direction;
 };
 
-/// See Surface.
-struct SurfaceLanes {
-  LaneVec position, normal, geometric, to_viewer;
-  LaneRow epsilon;
+// Records that lanes read and write four numbers at a time: where the fourth has no name, it has no meaning.
+
+/// A ray with its cone; see Ray.
+struct RayRecord {
+  Vec3 origin;
+  Vec3 direction;  // unit
+  float max_distance = std::numeric_limits<float>::infinity();
+  float width = 0;   // metres: width of the ray's cone at its origin, for textures
+  float spread = 0;  // growth of the cone's width per metre; both 0: a line
+  float unused = 0;
 };
 
-/// See BaseMaterial.
-struct MaterialLanes {
-  LaneVec base_color, f0;
-  LaneRow f90, metallic, base_weight, alpha, root_alpha, dielectric_f0, dielectric_f90, mean_albedo;
+/// What scattering needs of a surface; see Surface.
+struct SurfaceRecord {
+  Vec3 position;
+  float epsilon = 0;      // distance from the face at which a new ray must start so as not to hit it again
+  Vec3 normal;            // unit shading normal, normal map included, on the side the ray came from
+  float cone_width = 0;   // width of the ray's cone here; 0 if the scene has no textures
+  Vec3 geometric;         // unit face normal on the same side
+  float cone_spread = 0;  // growth of that width per metre
 };
 
-/// A path's throughput, and Russian roulette, see Roulette::Survival.
-struct ThroughputLanes {
-  LaneVec throughput;
-  LaneRow scale, unit;  // whose product times the throughput it survives; 0: it goes on
+/// What a path has become by its vertices; see Path.
+struct PathRecord {
+  Vec3 throughput = {1, 1, 1};  // since its part began
+  float pdf = 0;            // with which the direction was sampled at the last vertex; 0 for a delta event
+  Vec3 before = {1, 1, 1};  // throughput up to there
+  float estimate = 0;       // of the greatest channel of its throughput after the last vertex
 };
 
-/// A triangle that was picked as the light; see LightTriangle.
-struct TriangleLanes {
-  LaneVec corner, edge1, edge2, normal;
-  LaneRow inverse_area, probability, both_sides;
+/// A light sample at a vertex; see Connection.
+struct ConnectionRecord {
+  BsdfValue value;
+  Vec3 factor;        // of `light`: the value of all lobes, times the throughput where `is_seen` is 0
+  float is_seen = 0;  // 1: the vertex is a surface whose lobes are kept apart
+  Vec3 light;         // incident radiance over its density, MIS-weighted; black: no light was sampled
+  float unused = 0;
 };
 
-/// The light, and where `is_sampled` is 1 the sample of it, which then is no triangle's; see LightSample.
+/// What becomes of a surface whose lobes are kept apart; see SeenSurface.
+struct SeenRecord {
+  Vec3 diffuse_albedo;
+  float has_diffuse = 0;  // 1: it has that lobe
+  Vec3 glossy_albedo;
+  float has_facets = 0;
+  BsdfValue weight;  // of the step
+  Vec3 total_weight;
+  float unused = 0;
+};
+
+/// Where the numbers of a vertex are.
+struct LaneVertex {
+  const SurfaceRecord* surface = nullptr;
+  const BaseMaterial* material = nullptr;
+  const LightTriangle* triangle = nullptr;  // that was picked as the light
+  RayRecord* ray = nullptr;                 // that arrives = nullptr; becomes the one that leaves
+  PathRecord* path = nullptr;
+  ConnectionRecord* connection = nullptr;
+  RayRecord* shadow_ray = nullptr;
+};
+
+/// Numbers of the vertices that are in no record.
+struct ChoiceLanes {
+  LaneRow probability;  // of the triangle
+  LaneRow is_seen;      // 1: the surface's lobes are kept apart
+  LaneRow scale, unit;  // whose product times the throughput a path survives; 0: it goes on
+};
+
+/// Samples of lights that are no triangles, where `is_sampled` is 1; see LightSample.
 struct LightLanes {
   LaneVec radiance, direction;
   LaneRow is_sampled, pdf, distance, is_delta;
 };
 
-/// What is known of the vertices of some paths before they are shaded. Rows are indexed by path.
+/// The vertices of some paths before they are shaded. Those of all lanes must be set.
 struct alignas(64) VertexLanes {
-  SurfaceLanes surface;
-  MaterialLanes material;
-  ThroughputLanes path;
+  std::array<LaneVertex, kMaxLanes> vertices;
   RandomLanes random;
-  TriangleLanes triangle;
+  ChoiceLanes choice;
   LightLanes light;
 };
 
-/// A light sample with its shadow ray; light is 0 where there is none. See Connection.
-struct ConnectionLanes {
-  LaneVec light, non_diffuse, origin, direction;
-  LaneRow diffuse, distance;
-};
-
-/// The next step; `survival` is 0 where the path ends, and pdf is 0 where no direction was found.
-struct StepLanes {
-  LaneVec direction, non_diffuse;
-  LaneRow survival, diffuse, pdf;
-};
-
-/// What becomes of them.
+/// What becomes of them besides what is in their records.
 struct alignas(64) ShadedLanes {
-  LaneVec diffuse_albedo, glossy_albedo;
-  LaneRow has_diffuse, has_facets, estimate;  // see Path::estimate
-  ConnectionLanes connection;
-  StepLanes step;
+  LaneRow goes_on;  // 1: the path does
+  std::array<SeenRecord, kMaxLanes> seen;
 };
 
 /// Draws the numbers of the first `count` paths: those of Sampler::Get2D.
 void DrawLanes(RandomLanes* random, size_t count);
 
 /// Shades the first `count` paths, whose surfaces have a diffuse lobe, rough reflection, or both, and no
-/// other. `albedos` is AlbedoTable::Nodes(). Whole vectors are read and written: what lies behind `count` has
-/// no meaning. The result of a path has the bits that Bsdf, LightSet and PathTracer compute for it alone,
+/// other: samples the light and the next direction. `albedos` is AlbedoTable::Nodes(). Whole vectors are read
+/// and written. The result of a path has the bits that Bsdf, LightSet and PathTracer compute for it alone,
 /// whatever the instruction set and the other paths.
 void ShadeLanes(const VertexLanes& in, size_t count, const float* albedos, ShadedLanes* out);
 

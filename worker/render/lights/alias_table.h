@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -17,10 +18,11 @@ class AliasTable {
 
   /// The index that `u` in [0, 1) selects. The table must not be empty.
   uint32_t Pick(float u) const {
+    // Without branches: nobody foresees them.
     const float scaled = u * static_cast<float>(cells_.size());
-    const auto last = static_cast<uint32_t>(cells_.size() - 1);
-    const uint32_t cell = scaled < static_cast<float>(last) ? static_cast<uint32_t>(scaled) : last;
-    return scaled - static_cast<float>(cell) < cells_[cell].threshold ? cell : cells_[cell].alias;
+    const uint32_t number = std::min(static_cast<uint32_t>(scaled), static_cast<uint32_t>(cells_.size() - 1));
+    const Cell cell = cells_[number];
+    return scaled - static_cast<float>(number) < cell.threshold ? number : cell.alias;
   }
 
   /// The probability with which Pick() returns `index`.

@@ -103,7 +103,7 @@ void LightSet::AddInstance(const scene::Scene& scene, int index, const TextureSa
   for (size_t t = 0; t + 2 < mesh.triangles.size(); t += 3) {
     AddTriangle(mesh, t, instance.world_from_object, luminance, powers);
     triangles_.back().radiance = material.emission.radiance;
-    triangles_.back().double_sided = material.double_sided;
+    triangles_.back().both_sides = material.double_sided ? 1.0f : 0.0f;
     if (material.emission.texture.texture != scene::kNone) triangles_.back().textured = &material;
     if (material.alpha_mode != scene::AlphaMode::kOpaque) triangles_.back().alpha_mesh = &mesh;
     triangles_.back().number = static_cast<uint32_t>(t / 3);
@@ -168,7 +168,7 @@ EmitterBounds LightSet::BoundsOf(uint32_t emitter, double power) const {
     include(light.corner + light.edge1);
     include(light.corner + light.edge2);
     bounds.axis = light.normal;
-    bounds.both_sides = light.double_sided;
+    bounds.both_sides = light.both_sides > 0;
     return bounds;
   }
   const PunctualEmitter& light = points_[emitter - triangles_.size()];
@@ -217,7 +217,7 @@ LightSample LightSet::SampleTriangle(const LightTriangle& light, float probabili
   sample.distance = std::sqrt(distance2);
   sample.direction = to_light * (1.0f / sample.distance);
   const float cosine = -Dot(sample.direction, light.normal);
-  if (cosine == 0 || (cosine < 0 && !light.double_sided)) return sample;
+  if (cosine == 0 || (cosine < 0 && light.both_sides <= 0)) return sample;
   sample.pdf = light.inverse_area * distance2 / std::abs(cosine) * probability;
   sample.radiance = light.radiance;
   if (light.textured != nullptr) {

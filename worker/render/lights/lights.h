@@ -23,15 +23,18 @@ struct LightSample {
   bool is_delta = false;  // a delta light (point, spot, directional): sampled directions cannot hit it
 };
 
-/// An emissive triangle.
+/// An emissive triangle. Lanes read its first numbers by fours.
 struct LightTriangle {
   scene::Vec3 corner;
-  scene::Vec3 edge1;
-  scene::Vec3 edge2;
-  scene::Vec3 normal;
   float inverse_area = 0;  // 0: no area
-  scene::Vec3 radiance;    // without texture
-  bool double_sided = false;
+  scene::Vec3 edge1;
+  float both_sides = 0;  // 1: it emits from both
+  scene::Vec3 edge2;
+  float unused = 0;
+  scene::Vec3 normal;
+  float unused2 = 0;
+  scene::Vec3 radiance;  // without texture
+  float unused3 = 0;
   const scene::Material* textured = nullptr;  // its material, if that has an emission texture
   const scene::Mesh* alpha_mesh = nullptr;    // its mesh, if the material is not opaque
   uint32_t number = 0;                        // of the triangle in its mesh

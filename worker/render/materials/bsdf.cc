@@ -5,7 +5,6 @@
 
 #include "filter/image/color.h"
 #include "filter/image/portable_math.h"
-#include "worker/render/materials/diffuse_bsdf.h"
 #include "worker/render/materials/microfacet.h"
 #include "worker/render/materials/sheen.h"
 
@@ -23,6 +22,12 @@ constexpr float kCoatIor = 1.5f;
 constexpr float kCoatF0 = 0.04f;
 
 float LuminanceOf(Vec3 c) { return Luminance(c.x, c.y, c.z); }
+
+/// In proportion to the cosine.
+Vec3 CosineDirection(Vec2 u) {
+  const Vec2 disk = ConcentricDisk(u);
+  return {disk.x, disk.y, std::sqrt(std::max(0.0f, 1.0f - disk.x * disk.x - disk.y * disk.y))};
+}
 
 /// Uniform over the hemisphere: the squared radius of a uniform disk point is uniform in [0, 1], and so is
 /// the cosine derived from it.
@@ -80,10 +85,10 @@ GgxAlpha SurfaceMaterial::Alpha() const {
 BaseMaterial::BaseMaterial(const SurfaceMaterial& material, const AlbedoTable& table)
     : base_color(material.base_color),
       metallic(material.metallic),
-      base_weight((1.0f - material.metallic) * (1.0f - material.transmission)),
       alpha(material.Alpha().Mean()),
       root_alpha(std::sqrt(alpha)),
-      dielectric_f90(material.specular) {
+      dielectric_f90(material.specular),
+      base_weight((1.0f - material.metallic) * (1.0f - material.transmission)) {
   const Vec3 dielectric = DielectricF0(material) * material.specular;
   dielectric_f0 = MaxComponent(dielectric);
   f0 = dielectric * base_weight + base_color * metallic;
@@ -349,7 +354,6 @@ void Bsdf::EvaluateSheen(Vec3 wi, BsdfValue* value, float* pdf) const {
 }
 
 BsdfValue Bsdf::Evaluate(Vec3 wi_world, float* pdf) const {
-  if (IsDiffuseOnly()) return DiffuseBsdf(diffuse_albedo_, frame_.z, geometric_).Evaluate(wi_world, pdf);
   BsdfValue value;
   *pdf = 0;
   const Vec3 wi = frame_.ToLocal(wi_world);
@@ -460,8 +464,17 @@ BsdfSample Bsdf::SampleTowards(Vec3 wi_world) const {
 }
 
 BsdfSample Bsdf::Sample(float u_lobe, Vec2 u) const {
-  if (IsDiffuseOnly()) return DiffuseBsdf(diffuse_albedo_, frame_.z, geometric_).Sample(u_lobe, u);
-  if (u_lobe < p_.diffuse) return SampleTowards(frame_.ToWorld(CosineDirection(u)));
+  if (u_lobe < p_.diffuse) {
+    const Vec3 wi = CosineDirection(u);
+    const Vec3 wi_world = frame_.ToWorld(wi);
+    if (!IsDiffuseOnly()) return SampleTowards(wi_world);
+    BsdfSample sample;  // in proportion to the lobe
+    sample.wi = wi_world;
+    sample.weight.diffuse = 1;
+    sample.pdf = wi.z / kPi;
+    sample.valid = wi.z > 0 && Dot(wi_world, geometric_) > 0;
+    return sample;
+  }
   // Rounding errors of the probabilities go to the last lobe that exists.
   float rest = u_lobe - p_.diffuse;
   if (rest < p_.transmitted) return SampleBelow(-CosineDirection(u));

@@ -41,18 +41,20 @@ struct SurfaceMaterial {
   }
 };
 
-/// What a material alone determines of metal and of the diffuse base under its dielectric layer.
+/// What a material alone determines of metal and of the diffuse base under its dielectric layer. Lanes read
+/// it by fours.
 struct BaseMaterial {
   Vec3 base_color;
+  float metallic = 0;
   Vec3 f0;  // of metal and layer together
   float f90 = 0;
-  float metallic = 0;
-  float base_weight = 0;  // of the diffuse base
   float alpha = 1;
   float root_alpha = 1;
   float dielectric_f0 = 0;  // of the layer
   float dielectric_f90 = 0;
   float mean_albedo = 0;
+  float base_weight = 0;  // of the diffuse base
+  float unused[2] = {};
 
   BaseMaterial() = default;
   BaseMaterial(const SurfaceMaterial& material, const AlbedoTable& table);

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <limits>
 #include <utility>
 
 namespace lumifold::render {
@@ -24,7 +26,8 @@ int WrapTexel(int i, int size, scene::Wrap wrap) {
   if (i >= 0 && i < size) return i;  // nearly always, and spares a division
   if (wrap == scene::Wrap::kClamp) return std::clamp(i, 0, size - 1);
   const int period = wrap == scene::Wrap::kMirror ? 2 * size : size;
-  i %= period;
+  const bool is_power = (period & (period - 1)) == 0;
+  i = is_power ? i & (period - 1) : i % period;
   if (i < 0) i += period;
   return i < size ? i : period - 1 - i;
 }
@@ -49,36 +52,52 @@ Vec2 Linear(const scene::TextureRef& ref, Vec2 v) {
 
 Vec2 Transform(const scene::TextureRef& ref, Vec2 uv) { return Linear(ref, uv) + ref.offset; }
 
+/// The two texels of a row or column around a coordinate, and its distance from the first one's centre.
+struct Neighbours {
+  int first;
+  int second;
+  float distance;
+
+  Neighbours(float coordinate, int size, scene::Wrap wrap) {
+    const float x = BoundCoordinate(coordinate * static_cast<float>(size)) - 0.5f;
+    const int left = FloorToInt(x);
+    first = WrapTexel(left, size, wrap);
+    second =
+        wrap == scene::Wrap::kRepeat ? (first + 1 < size ? first + 1 : 0) : WrapTexel(left + 1, size, wrap);
+    distance = x - static_cast<float>(left);
+  }
+};
+
 /// The value of a picture at uv; texel(x, y) returns the value of one texel.
 template <typename T, typename Texel>
 T Interpolate(const ImageData& image, const scene::Texture& texture, Vec2 uv, const Texel& texel) {
-  const float x = BoundCoordinate(uv.x * static_cast<float>(image.width));
-  const float y = BoundCoordinate(uv.y * static_cast<float>(image.height));
   if (texture.nearest) {
-    return texel(WrapTexel(FloorToInt(x), image.width, texture.wrap_s),
-                 WrapTexel(FloorToInt(y), image.height, texture.wrap_t));
+    const auto nearest = [](float coordinate, int size, scene::Wrap wrap) {
+      return WrapTexel(FloorToInt(BoundCoordinate(coordinate * static_cast<float>(size))), size, wrap);
+    };
+    return texel(nearest(uv.x, image.width, texture.wrap_s), nearest(uv.y, image.height, texture.wrap_t));
   }
-  const int left = FloorToInt(x - 0.5f);
-  const int top = FloorToInt(y - 0.5f);
-  const int x0 = WrapTexel(left, image.width, texture.wrap_s);
-  const int x1 = WrapTexel(left + 1, image.width, texture.wrap_s);
-  const int y0 = WrapTexel(top, image.height, texture.wrap_t);
-  const int y1 = WrapTexel(top + 1, image.height, texture.wrap_t);
-  const float tx = x - 0.5f - static_cast<float>(left);
-  const float ty = y - 0.5f - static_cast<float>(top);
-  return Mix(Mix(texel(x0, y0), texel(x1, y0), tx), Mix(texel(x0, y1), texel(x1, y1), tx), ty);
+  const Neighbours x(uv.x, image.width, texture.wrap_s);
+  const Neighbours y(uv.y, image.height, texture.wrap_t);
+  return Mix(Mix(texel(x.first, y.first), texel(x.second, y.first), x.distance),
+             Mix(texel(x.first, y.second), texel(x.second, y.second), x.distance), y.distance);
 }
 
-/// The linear values of a picture's texels, which have codes of this type.
+/// The linear values of a picture's texels, which have codes of this type. `color` decodes red, green and
+/// blue, and alpha is not read; null: the codes are linear.
 template <typename Code>
 struct Texels {
   const ImageData* image;
   const TransferTable* color;
-  const TransferTable* alpha;
 
   Rgba operator()(int x, int y) const {
-    const Code* p = &image->codes<Code>()[(static_cast<size_t>(y) * image->width + x) * 4];
-    return Rgba{color->Decode(p[0]), color->Decode(p[1]), color->Decode(p[2]), alpha->Decode(p[3])};
+    using Codes [[gnu::vector_size(4 * sizeof(Code))]] = Code;
+    Codes codes;
+    std::memcpy(&codes, &image->codes<Code>()[(static_cast<size_t>(y) * image->width + x) * 4],
+                sizeof(codes));
+    if (color == nullptr)
+      return __builtin_convertvector(codes, Rgba) / static_cast<float>(std::numeric_limits<Code>::max());
+    return Rgba{color->Decode(codes[0]), color->Decode(codes[1]), color->Decode(codes[2]), 1};
   }
 };
 
@@ -90,18 +109,28 @@ Rgba Bilinear(const Texels<Code>& texels, const scene::Texture& texture, Vec2 uv
 /// Interpolates between the two levels whose texels are nearest in size to `width` texels of the picture; at
 /// most the smallest level.
 template <typename Code>
-Rgba Trilinear(Texels<Code> texels, const MipLevels& levels, const scene::Texture& texture, Vec2 uv,
-               float width) {
-  int level = 0;  // the last one whose texels are not wider than `width`
-  for (float next = 2; next <= width && level < static_cast<int>(levels.size()); next *= 2) ++level;
-  if (level > 0) texels.image = &levels[level - 1];
-  const Rgba fine = Bilinear(texels, texture, uv);
-  if (level == static_cast<int>(levels.size())) return fine;
-  const float excess = width / static_cast<float>(1 << level) - 1.0f;
-  if (!(excess > 0)) return fine;
-  texels.image = &levels[level];
-  return Mix(fine, Bilinear(texels, texture, uv), excess);
-}
+class Trilinear {
+ public:
+  Trilinear(const Texels<Code>& picture, const MipLevels& levels, float width)
+      : fine_(picture), coarse_(picture) {
+    int level = 0;  // the last one whose texels are not wider than `width`
+    for (float next = 2; next <= width && level < static_cast<int>(levels.size()); next *= 2) ++level;
+    if (level > 0) fine_.image = &levels[level - 1];
+    if (level == static_cast<int>(levels.size())) return;
+    excess_ = width / static_cast<float>(1 << level) - 1.0f;
+    coarse_.image = &levels[level];
+  }
+
+  Rgba At(const scene::Texture& texture, Vec2 uv) const {
+    const Rgba fine = Bilinear(fine_, texture, uv);
+    return excess_ > 0 ? Mix(fine, Bilinear(coarse_, texture, uv), excess_) : fine;
+  }
+
+ private:
+  Texels<Code> fine_;
+  Texels<Code> coarse_;
+  float excess_ = 0;
+};
 
 /// The mean over a footprint, whose first texture coordinates are at `ref`'s set.
 template <typename Code>
@@ -126,10 +155,11 @@ Vec4 MeanOver(const Texels<Code>& texels, const MipLevels& levels, const scene::
   const float length = std::min(std::sqrt(major2), 1e9f);
   const float width = std::max(std::sqrt(minor2), std::max(length / kMaxProbes, 1.0f));
   const int probes = std::max(static_cast<int>(std::ceil(length / width)), 1);
+  const Trilinear<Code> trilinear(texels, levels, width);
   Rgba sum = {};
   for (int i = 0; i < probes; ++i) {
     const float along = (static_cast<float>(i) + 0.5f) / static_cast<float>(probes) - 0.5f;
-    sum += Trilinear(texels, levels, texture, center + major * along, width);
+    sum += trilinear.At(texture, center + major * along);
   }
   return ToVec4(sum * (1.0f / static_cast<float>(probes)));
 }
@@ -152,7 +182,7 @@ Vec3 MeanOfAll(const Texels<Code>& texels) {
 }  // namespace
 
 TextureSampler::TextureSampler(const scene::Scene& scene, const MipSource& mips)
-    : scene_(&scene), linear_(/*srgb=*/false), srgb_(/*srgb=*/true) {
+    : scene_(&scene), srgb_(/*srgb=*/true) {
   for (auto& levels : levels_) levels.resize(scene.images.size());
   for (const scene::Material& material : scene.materials) {
     for (const scene::TextureUse& use : TexturesOf(material)) Prepare(use, mips);
@@ -174,21 +204,19 @@ Vec4 TextureSampler::SampleImage(const scene::TextureRef& ref, const Vec2 uv[2],
   const scene::Texture& texture = scene_->textures[ref.texture];
   if (texture.image == scene::kNone) return {1, 1, 1, 1};
   const ImageData& image = *scene_->images[texture.image];
-  const TransferTable& color = srgb ? srgb_ : linear_;
+  const TransferTable* color = srgb ? &srgb_ : nullptr;
   const MipLevels& levels = *levels_[srgb][texture.image];
   const Vec2 at = uv[ref.uv_set];
   const auto& diameter = footprint.diameter[ref.uv_set];
-  if (image.is_deep())
-    return MeanOver<uint16_t>({&image, &color, &linear_}, levels, texture, ref, at, diameter);
-  return MeanOver<uint8_t>({&image, &color, &linear_}, levels, texture, ref, at, diameter);
+  if (image.is_deep()) return MeanOver<uint16_t>({&image, color}, levels, texture, ref, at, diameter);
+  return MeanOver<uint8_t>({&image, color}, levels, texture, ref, at, diameter);
 }
 
 Vec3 TextureSampler::Mean(const scene::TextureRef& ref, bool srgb) const {
   if (ref.texture == scene::kNone || scene_->textures[ref.texture].image == scene::kNone) return {1, 1, 1};
   const ImageData& image = *scene_->images[scene_->textures[ref.texture].image];
-  const TransferTable& color = srgb ? srgb_ : linear_;
-  return image.is_deep() ? MeanOfAll<uint16_t>({&image, &color, &linear_})
-                         : MeanOfAll<uint8_t>({&image, &color, &linear_});
+  const TransferTable* color = srgb ? &srgb_ : nullptr;
+  return image.is_deep() ? MeanOfAll<uint16_t>({&image, color}) : MeanOfAll<uint8_t>({&image, color});
 }
 
 float SampleAlpha(const scene::Scene& scene, const scene::TextureRef& ref, Vec2 uv) {

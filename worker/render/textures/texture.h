@@ -23,7 +23,7 @@ class TextureSampler {
   /// `mips` is used by the constructor only; empty: MakeMips.
   explicit TextureSampler(const scene::Scene& scene, const MipSource& mips = {});
 
-  /// Linear RGBA at the coordinates of both uv sets; `srgb` decodes the colour (never alpha). White if the
+  /// Linear RGBA at the coordinates of both uv sets; `srgb` decodes the colour, and alpha is 1. White if the
   /// reference names no texture.
   scene::Vec4 Sample(const scene::TextureRef& ref, const scene::Vec2 uv[2], bool srgb) const {
     return Sample(ref, uv, Footprint{}, srgb);
@@ -43,7 +43,6 @@ class TextureSampler {
                           bool srgb) const;
 
   const scene::Scene* scene_;
-  TransferTable linear_;
   TransferTable srgb_;
   std::vector<SharedMips> levels_[2];  // [srgb][image]
 };

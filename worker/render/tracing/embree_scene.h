@@ -2,23 +2,18 @@
 
 #include <array>
 #include <cstdint>
-#include <limits>
 #include <memory>
 #include <span>
 
 #include "absl/status/statusor.h"
+#include "worker/render/lanes/vertex_lanes.h"
 #include "worker/render/materials/opacity.h"
 #include "worker/scene/scene.h"
 
 namespace lumifold::render {
 
-struct Ray {
-  scene::Vec3 origin;
-  scene::Vec3 direction;  // unit
-  float max_distance = std::numeric_limits<float>::infinity();
+struct Ray : RayRecord {
   uint64_t random_key = 0;  // unique to the ray: decides which half-transparent surfaces it hits
-  float width = 0;          // metres: width of the ray's cone at its origin, for textures
-  float spread = 0;         // growth of the cone's width per metre; both 0: a line
 
   float WidthAt(float distance) const { return width + spread * distance; }
 };

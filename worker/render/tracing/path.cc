@@ -36,7 +36,7 @@ void Path::AddEmission(Vec3 radiance) {
 }
 
 void Path::Add(const Connection& connection) {
-  if (!connection.is_seen) {
+  if (connection.is_seen <= 0) {
     incident.indirect += connection.factor * connection.light;
     return;
   }

@@ -65,12 +65,8 @@ class PathSampler {
 };
 
 /// A path vertex connected to a light sample.
-struct Connection {
-  BsdfValue value;
-  Vec3 factor;           // of `light`: the value of all lobes, times the throughput where `is_seen` is false
-  Vec3 light;            // incident radiance over its density, MIS-weighted; black: no light was sampled
-  bool is_seen = false;  // the vertex is a surface whose lobes are kept apart
-  Ray ray;               // shadow ray
+struct Connection : ConnectionRecord {
+  Ray shadow_ray;
 
   bool IsBlack() const { return MaxComponent(light) <= 0; }
 };
@@ -113,19 +109,15 @@ struct PathOptions {
 };
 
 /// A path of a camera sample, between two surfaces.
-struct Path {
+struct Path : PathRecord {
   Ray ray;              // to the next surface
   LightReceiver from;   // the last vertex at which it scattered; clear panes do not count
-  float pdf = 0;        // density with which the direction was sampled there; 0 for a delta event
   int vertex = 0;       // number of the next vertex, 0 being the camera's surface
   int scatterings = 0;  // the same, but clear panes in its present part do not count
   PathSampler random;
   PathOptions options;
   PathPart part = PathPart::kSeen;
   layers::Branch branch = layers::Branch::kReflection;  // of its levels
-  Vec3 throughput = {1, 1, 1};                          // since its part began
-  Vec3 before = {1, 1, 1};                              // up to there
-  float estimate = 0;  // of the greatest channel of its throughput after the last vertex
   SeenSurface seen;
   IncidentRadiance incident;  // of its part, if that is not kSeen
   LayerSample* out;
@@ -138,9 +130,13 @@ struct Path {
   /// Scatters at a surface.
   void Leave(const Surface& surface, const BsdfSample& step) {
     Pass(surface, step);
-    from = {surface.position, surface.normal};
     pdf = step.pdf;
-    ++scatterings;
+    MarkLeft(surface);
+  }
+  /// The same where lanes have set the ray and its density.
+  void LeaveByLane(const Surface& surface) {
+    ray.random_key = random.Key(vertex++);
+    MarkLeft(surface);
   }
   void Begin(PathPart next, Vec3 throughput_before) {
     part = next;
@@ -159,6 +155,12 @@ struct Path {
   void CloseSeen();
   /// Ends the path: its light is added to the sample.
   void Finish();
+
+ private:
+  void MarkLeft(const Surface& surface) {
+    from = {surface.position, surface.normal};
+    ++scatterings;
+  }
 };
 
 }  // namespace lumifold::render

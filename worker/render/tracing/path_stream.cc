@@ -32,23 +32,41 @@ void PathStream::Run() {
 }
 
 void PathStream::AdvancePackets() {
+  hits_.resize(paths_.size());
   size_t first = 0;
   for (const std::span<const Ray> rays : packets_) {
-    std::array<Hit, PathTracer::kPacket> hits;
+    const std::span<Hit> hits = std::span(hits_).subspan(first, rays.size());
     tracer_->embree_->IntersectTogether(rays, hits);
     if (tracer_->CatchesShadows()) tracer_->backdrop_.catchers->Hide(rays, hits);
-    lit_ = 0;
-    for (size_t i = 0; i < rays.size(); ++i) Shade(first + i, hits[i]);
-    FlushAll();
-    if (lit_ > 0) {
-      std::array<Ray, PathTracer::kPacket> shadow_rays;
-      std::array<Vec3, PathTracer::kPacket> transmittances;
-      for (size_t i = 0; i < lit_; ++i) shadow_rays[i] = shadows_[i].connection.ray;
-      tracer_->visibility_.Transmittances({shadow_rays.data(), lit_}, transmittances);
-      for (size_t i = 0; i < lit_; ++i) Arrive(i, transmittances[i]);
-    }
-    FinishEnded();
     first += rays.size();
+  }
+  lit_ = 0;
+  for (size_t path = 0; path < paths_.size(); ++path) Shade(path, hits_[path]);
+  FlushAll();
+  ConnectPackets();
+  FinishEnded();
+}
+
+void PathStream::ConnectPackets() {
+  std::vector<Shadow*> of_path(paths_.size(), nullptr);
+  for (Shadow& shadow : std::span(shadows_).first(lit_)) {
+    if (!shadow.connection.IsBlack()) of_path[shadow.path] = &shadow;
+  }
+  size_t first = 0;
+  for (const std::span<const Ray> packet : packets_) {
+    std::array<Ray, PathTracer::kPacket> rays;
+    std::array<Shadow*, PathTracer::kPacket> shadows;
+    size_t count = 0;
+    for (Shadow* shadow : std::span(of_path).subspan(first, packet.size())) {
+      if (shadow == nullptr) continue;
+      rays[count] = shadow->connection.shadow_ray;
+      shadows[count++] = shadow;
+    }
+    first += packet.size();
+    if (count == 0) continue;
+    std::array<Vec3, PathTracer::kPacket> transmittances;
+    tracer_->visibility_.Transmittances({rays.data(), count}, transmittances);
+    for (size_t i = 0; i < count; ++i) Arrive(shadows[i], transmittances[i]);
   }
 }
 
@@ -62,7 +80,10 @@ void PathStream::Advance() {
   lit_ = 0;
   for (size_t i = 0; i < arriving_.size(); ++i) Shade(arriving_[i], hits_[i]);
   FlushAll();
-  for (size_t i = 0; i < lit_; ++i) Arrive(i, tracer_->visibility_.Transmittance(shadows_[i].connection.ray));
+  for (Shadow& shadow : std::span(shadows_).first(lit_)) {
+    const Connection& connection = shadow.connection;
+    if (!connection.IsBlack()) Arrive(&shadow, tracer_->visibility_.Transmittance(connection.shadow_ray));
+  }
   FinishEnded();
 }
 
@@ -76,67 +97,75 @@ void PathStream::Shade(size_t path, const Hit& hit) {
   vertex->path = path;
   vertex->hit = &hit;
   if (vertex->surface.values == nullptr) vertex->textured = tracer_->surfaces_.Shade(vertex->surface);
-  BaseMaterial textured;
   const BaseMaterial* material =
-      kind == kRare ? nullptr : tracer_->LaneMaterialOf(vertex->surface, vertex->material(), &textured);
-  if (material != nullptr) {
-    vertex->alpha = material->alpha;
-    tracer_->SetLane(vertex->surface, *material, paths_[path], queues_[kind].count, &queues_[kind].lanes);
-  } else if (kind != kRare) {
+      kind == kRare ? nullptr
+                    : tracer_->LaneMaterialOf(vertex->surface, vertex->material(), &vertex->textured_base);
+  if (material == nullptr && kind != kRare) {
     kind = kRare;
     queues_[kRare].vertices[queues_[kRare].count] = *vertex;
   }
   Queue& queue = queues_[kind];
-  paths_[path].random.SetLane(paths_[path].vertex, queue.count, &queue.lanes.random);
+  VertexLanes& lanes = queue.lanes;
+  paths_[path].random.SetLane(paths_[path].vertex, queue.count, &lanes.random);
+  if (material != nullptr) {
+    lanes.vertices[queue.count] = {
+        .surface = &vertex->surface, .material = material, .ray = &paths_[path].ray, .path = &paths_[path]};
+    tracer_->SetChoiceLane(paths_[path], queue.count, &lanes.choice);
+  }
   if (++queue.count == kMaxLanes) Flush(kind);
 }
 
 void PathStream::Flush(size_t kind) {
   Queue& queue = queues_[kind];
   if (queue.count == 0) return;
-  const RandomLanes& random = queue.lanes.random;
+  if (shadows_.size() < lit_ + kMaxLanes) shadows_.resize(lit_ + kMaxLanes);
   DrawLanes(&queue.lanes.random, queue.count);
-  if (kind != kRare) {
-    for (size_t i = 0; i < queue.count; ++i)
-      tracer_->SetLightLane(queue.vertices[i].surface, paths_[queue.vertices[i].path], i, &queue.lanes);
-    ShadeLanes(queue.lanes, queue.count, tracer_->albedo_table_.Nodes(), &shaded_);
-  }
-  for (size_t i = 0; i < queue.count; ++i) {
-    const Vertex& vertex = queue.vertices[i];
-    Path* path = &paths_[vertex.path];
-    Connection* connection = Open(vertex.path);
-    const bool goes_on =
-        kind == kRare
-            ? tracer_->Scatter(
-                  *vertex.hit, vertex.surface, vertex.material(),
-                  {random.light_and_lobe.At(i), random.light_point.At(i), random.direction.At(i)}, path,
-                  connection, &branches_)
-            : tracer_->ScatterLane(*vertex.hit, vertex.surface, vertex.alpha, shaded_, i, path, connection);
-    Close(vertex.path, goes_on);
-  }
+  kind == kRare ? FlushRare(&queue) : FlushLanes(&queue);
   queue.count = 0;
+}
+
+void PathStream::FlushRare(Queue* queue) {
+  const RandomLanes& random = queue->lanes.random;
+  for (size_t i = 0; i < queue->count; ++i) {
+    const Vertex& vertex = queue->vertices[i];
+    Shadow& shadow = shadows_[lit_];
+    shadow.path = vertex.path;
+    shadow.connection.light = {};
+    Close(vertex.path,
+          tracer_->Scatter(*vertex.hit, vertex.surface, vertex.material(),
+                           {random.light_and_lobe.At(i), random.light_point.At(i), random.direction.At(i)},
+                           &paths_[vertex.path], &shadow.connection, &branches_));
+    if (!shadow.connection.IsBlack()) ++lit_;
+  }
+}
+
+void PathStream::FlushLanes(Queue* queue) {
+  VertexLanes& lanes = queue->lanes;
+  for (size_t i = 0; i < queue->count; ++i) {
+    const Vertex& vertex = queue->vertices[i];
+    Shadow& shadow = shadows_[lit_ + i];
+    shadow.path = vertex.path;
+    lanes.vertices[i].connection = &shadow.connection;
+    lanes.vertices[i].shadow_ray = &shadow.connection.shadow_ray;
+    tracer_->SetLightLane(vertex.surface, paths_[vertex.path], i, &lanes);
+  }
+  for (size_t i = queue->count; i < kMaxLanes; ++i) lanes.vertices[i] = nobody_.vertex;
+  ShadeLanes(lanes, queue->count, tracer_->albedo_table_.Nodes(), &shaded_);
+  for (size_t i = 0; i < queue->count; ++i) {
+    const Vertex& vertex = queue->vertices[i];
+    Close(vertex.path, tracer_->LeaveLane(*vertex.hit, vertex.surface, lanes.vertices[i].material->alpha,
+                                          shaded_, i, &paths_[vertex.path]));
+  }
+  lit_ += queue->count;
 }
 
 void PathStream::FlushAll() {
   for (size_t kind = 0; kind <= kRare; ++kind) Flush(kind);
 }
 
-Connection* PathStream::Open(size_t path) {
-  if (lit_ == shadows_.size()) shadows_.emplace_back();
-  shadows_[lit_].path = path;
-  shadows_[lit_].connection.light = {};
-  return &shadows_[lit_].connection;
-}
-
-void PathStream::Close(size_t path, bool goes_on) {
-  if (!shadows_[lit_].connection.IsBlack()) ++lit_;
-  (goes_on ? live_ : ended_).push_back(path);
-}
-
-void PathStream::Arrive(size_t connection, Vec3 transmittance) {
-  Connection& lit = shadows_[connection].connection;
-  lit.light *= transmittance;
-  paths_[shadows_[connection].path].Add(lit);
+void PathStream::Arrive(Shadow* shadow, Vec3 transmittance) {
+  shadow->connection.light *= transmittance;
+  paths_[shadow->path].Add(shadow->connection);
 }
 
 void PathStream::FinishEnded() {

@@ -17,6 +17,8 @@ class PathStream {
  public:
   /// Keeps a reference to the tracer, which must outlive it.
   explicit PathStream(const PathTracer& tracer) : tracer_(&tracer) {}
+  PathStream(const PathStream&) = delete;
+  PathStream& operator=(const PathStream&) = delete;
 
   /// Adds samples of one packet, at most PathTracer::kPacket; `out` receives them. The rays' random keys are
   /// set. What the spans refer to is in use until the end of Run().
@@ -29,15 +31,16 @@ class PathStream {
  private:
   /// One vertex of all live paths: from their rays to the light that arrives there.
   void Advance();
-  /// The same for the first vertex, packet by packet.
+  /// The same for the first vertex, whose rays are traced by packets.
   void AdvancePackets();
+  void ConnectPackets();
   /// A vertex that waits until others are shaded with it.
   struct Vertex {
     size_t path;
     const Hit* hit;
     Surface surface;
     SurfaceMaterial textured;  // the material, if it is not the same everywhere
-    float alpha;               // of a material that has lanes
+    BaseMaterial textured_base;
 
     const SurfaceMaterial& material() const { return surface.values != nullptr ? *surface.values : textured; }
   };
@@ -47,18 +50,27 @@ class PathStream {
     std::array<Vertex, kMaxLanes> vertices;
     VertexLanes lanes;
   };
+  /// What lanes without a path read and write.
+  struct Nobody {
+    SurfaceRecord surface;
+    BaseMaterial material;
+    LightTriangle triangle;
+    RayRecord ray;
+    PathRecord path;
+    ConnectionRecord connection;
+    LaneVertex vertex = {&surface, &material, &triangle, &ray, &path, &connection, &ray};
+  };
   static constexpr size_t kRare = static_cast<size_t>(SurfaceReader::Kind::kRare);
 
   /// Shades the end of a live path's ray, or puts it in a queue.
   void Shade(size_t path, const Hit& hit);
   /// Shades the vertices of a queue.
   void Flush(size_t kind);
+  void FlushLanes(Queue* queue);
+  void FlushRare(Queue* queue);
   void FlushAll();
-  /// A connection for a path, which is kept if Close() says that it has light.
-  Connection* Open(size_t path);
-  void Close(size_t path, bool goes_on);
-  /// Adds the light of a connection, of which this part arrives.
-  void Arrive(size_t connection, Vec3 transmittance);
+  /// A path whose vertex is shaded goes on or not.
+  void Close(size_t path, bool goes_on) { (goes_on ? live_ : ended_).push_back(path); }
   /// Ends the paths that did not go on.
   void FinishEnded();
 
@@ -67,6 +79,8 @@ class PathStream {
     Connection connection;
     size_t path;
   };
+  /// Adds its light, of which this part arrives.
+  void Arrive(Shadow* shadow, Vec3 transmittance);
 
   const PathTracer* tracer_;
   std::vector<Path> paths_;
@@ -78,9 +92,10 @@ class PathStream {
   std::vector<Hit> hits_;
   std::array<Queue, kRare + 1>
       queues_;  // by SurfaceReader::Kind; rare ones have lanes for random numbers only
+  Nobody nobody_;
   ShadedLanes shaded_;
   std::vector<size_t> arriving_;  // the live paths before
-  std::vector<Shadow> shadows_;   // the first lit_ of them are in use
+  std::vector<Shadow> shadows_;   // the first lit_ of them are in use; some are black
   size_t lit_ = 0;
 };
 

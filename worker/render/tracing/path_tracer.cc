@@ -24,9 +24,10 @@ Vec3 TotalOf(const BsdfValue& value, Vec3 diffuse_albedo) {
 
 /// Sets what a connection's light is multiplied with.
 void SetFactor(Vec3 diffuse_albedo, const Path& path, Connection* connection) {
-  connection->is_seen = path.part == PathPart::kSeen;
+  const bool is_seen = path.part == PathPart::kSeen;
   const Vec3 total = TotalOf(connection->value, diffuse_albedo);
-  connection->factor = connection->is_seen ? total : path.throughput * total;
+  connection->factor = is_seen ? total : path.throughput * total;
+  connection->is_seen = is_seen ? 1.0f : 0.0f;
 }
 
 /// What layers need of a surface that is seen.
@@ -40,17 +41,16 @@ struct SeenLobes {
 void OpenSeen(const Hit& hit, const Surface& surface, const SeenLobes& lobes, Path* path) {
   path->seen.is_open = true;
   path->seen.depth = path->vertex;
-  path->seen.throughput = path->throughput;
   path->seen.direct = path->seen.glossy = path->seen.total = {};
   if (path->vertex > 0) {
     LevelSample& level = path->out->levels.Set({path->branch, path->vertex});
     level.has_diffuse = lobes.has_diffuse;
-    level.albedo = path->throughput * lobes.diffuse_albedo;
+    level.albedo = path->seen.throughput * lobes.diffuse_albedo;
     return;
   }
   path->out->first = {hit.instance, surface.normal, hit.distance, lobes.roughness};
-  path->out->albedo = path->throughput * lobes.diffuse_albedo;
-  path->out->glossy_albedo = path->throughput * lobes.glossy_albedo;
+  path->out->albedo = path->seen.throughput * lobes.diffuse_albedo;
+  path->out->glossy_albedo = path->seen.throughput * lobes.glossy_albedo;
 }
 
 /// Builds the shadow ray from `surface` to the light sample.
@@ -137,7 +137,7 @@ void PathTracer::SampleLight(const Surface& surface, const Bsdf& bsdf, const Ver
   if (out->value.diffuse <= 0 && MaxComponent(out->value.non_diffuse) <= 0) return;
   SetFactor(bsdf.DiffuseAlbedo(), path, out);
   out->light = sample.radiance * LightSampleWeight(sample, bsdf_pdf);
-  SetShadowRay(surface, sample, &out->ray);
+  SetShadowRay(surface, sample, &out->shadow_ray);
 }
 
 Vec3 PathTracer::EmittedOnHit(const Surface& surface, const Hit& hit, const Path& path) const {
@@ -215,6 +215,7 @@ bool PathTracer::Reach(const Hit& hit, Path* path, Surface* surface) const {
   else if (!around_camera_.empty())
     path->throughput *= FirstTransmittance(*surface, hit);
   if (surface->is_emissive) path->AddEmission(EmittedOnHit(*surface, hit, *path));
+  if (path->part == PathPart::kSeen) path->seen.throughput = path->throughput;
   return path->scatterings <= max_bounces_;
 }
 
@@ -232,7 +233,7 @@ std::vector<const scene::Material*> PathTracer::SolidsAround(Vec3 point) const {
   std::map<const scene::Material*, size_t> around;  // by how many of the rays
   for (const Vec3 direction : kDirections) {
     std::map<const scene::Material*, int> left;
-    Ray ray = {.origin = point, .direction = Normalize(direction)};
+    Ray ray = {{.origin = point, .direction = Normalize(direction)}};
     for (int i = 0; i < kMostCrossings; ++i) {
       const Hit hit = embree_->Intersect(ray);
       if (hit.IsMiss()) break;
@@ -287,11 +288,15 @@ bool PathTracer::TakeStep(const Surface& surface, Vec3 diffuse_albedo, const Bsd
     path->Pass(surface, step);
     return true;
   }
-  if (path->options.is_direct_only || (!plan_.emission_on_hits && path->scatterings >= max_bounces_))
-    return false;
+  if (EndsHere(*path)) return false;
   path->Leave(surface, step);
   path->incident.has_scattered = true;
   return true;
+}
+
+bool PathTracer::EndsHere(const Path& path) const {
+  if (path.part == PathPart::kSeen) return !plan_.emission_on_hits && path.vertex >= max_bounces_;
+  return path.options.is_direct_only || (!plan_.emission_on_hits && path.scatterings >= max_bounces_);
 }
 
 bool PathTracer::TakeSeenStep(const Surface& surface, Vec3 diffuse_albedo, BsdfSample step, float survival,
@@ -304,7 +309,7 @@ bool PathTracer::TakeSeenStep(const Surface& surface, Vec3 diffuse_albedo, BsdfS
     path->LeaveByDelta(surface, step);
     return true;
   }
-  if (!plan_.emission_on_hits && path->vertex >= max_bounces_) return false;
+  if (EndsHere(*path)) return false;
   path->seen.weight = step.weight;
   path->seen.total_weight = TotalOf(step.weight, diffuse_albedo);
   path->options.is_direct_only = path->options.is_direct_only && MaxComponent(step.weight.non_diffuse) <= 0;
@@ -325,46 +330,25 @@ const BaseMaterial* PathTracer::LaneMaterialOf(const Surface& surface, const Sur
   return textured;
 }
 
-void PathTracer::SetLane(const Surface& surface, const BaseMaterial& material, const Path& path, size_t lane,
-                         VertexLanes* out) const {
-  out->surface.position.Set(lane, surface.position);
-  out->surface.normal.Set(lane, surface.normal);
-  out->surface.geometric.Set(lane, surface.geometric);
-  out->surface.to_viewer.Set(lane, -path.ray.direction);
-  out->surface.epsilon[lane] = surface.epsilon;
-  out->material.base_color.Set(lane, material.base_color);
-  out->material.f0.Set(lane, material.f0);
-  out->material.f90[lane] = material.f90;
-  out->material.metallic[lane] = material.metallic;
-  out->material.base_weight[lane] = material.base_weight;
-  out->material.alpha[lane] = material.alpha;
-  out->material.root_alpha[lane] = material.root_alpha;
-  out->material.dielectric_f0[lane] = material.dielectric_f0;
-  out->material.dielectric_f90[lane] = material.dielectric_f90;
-  out->material.mean_albedo[lane] = material.mean_albedo;
-  out->path.throughput.Set(lane, path.before * path.throughput);
+void PathTracer::SetChoiceLane(const Path& path, size_t lane, ChoiceLanes* out) const {
   const Roulette rule = RouletteAt(path);
-  out->path.scale[lane] = rule.Scale(path.vertex);
-  out->path.unit[lane] = rule.Unit();
+  out->scale[lane] = rule.Scale(path.vertex);
+  out->unit[lane] = rule.Unit();
+  out->is_seen[lane] = path.part == PathPart::kSeen ? 1.0f : 0.0f;
 }
 
 void PathTracer::SetLightLane(const Surface& surface, const Path& path, size_t lane, VertexLanes* out) const {
+  static constexpr LightTriangle kNone;
   const LightReceiver receiver = {surface.position, surface.normal};
+  out->vertices[lane].triangle = &kNone;
   out->light.is_sampled[lane] = 1;
   out->light.pdf[lane] = 0;
   if (lights_.IsEmpty() || (path.options.is_direct_only && path.part != PathPart::kSeen)) return;
   const float u_light = out->random.light_and_lobe.x[lane];
-  float probability = 0;
-  if (const LightTriangle* light = lights_.PickPlainTriangle(receiver, u_light, &probability)) {
+  if (const LightTriangle* light =
+          lights_.PickPlainTriangle(receiver, u_light, &out->choice.probability[lane])) {
     out->light.is_sampled[lane] = 0;
-    out->triangle.corner.Set(lane, light->corner);
-    out->triangle.edge1.Set(lane, light->edge1);
-    out->triangle.edge2.Set(lane, light->edge2);
-    out->triangle.normal.Set(lane, light->normal);
-    out->light.radiance.Set(lane, light->radiance);
-    out->triangle.inverse_area[lane] = light->inverse_area;
-    out->triangle.probability[lane] = probability;
-    out->triangle.both_sides[lane] = light->double_sided ? 1.0f : 0.0f;
+    out->vertices[lane].triangle = light;
     return;
   }
   const LightSample sample = lights_.Sample(receiver, u_light, out->random.light_point.At(lane));
@@ -375,32 +359,28 @@ void PathTracer::SetLightLane(const Surface& surface, const Path& path, size_t l
   out->light.is_delta[lane] = sample.is_delta ? 1.0f : 0.0f;
 }
 
-bool PathTracer::ScatterLane(const Hit& hit, const Surface& surface, float alpha, const ShadedLanes& shaded,
-                             size_t lane, Path* path, Connection* connection) const {
-  const Vec3 diffuse_albedo = shaded.diffuse_albedo.At(lane);
-  if (path->part == PathPart::kSeen) {
-    OpenSeen(hit, surface,
-             {diffuse_albedo, shaded.glossy_albedo.At(lane), shaded.has_diffuse[lane] > 0,
-              shaded.has_facets[lane] > 0 ? alpha : 1.0f},
-             path);
+bool PathTracer::LeaveLane(const Hit& hit, const Surface& surface, float alpha, const ShadedLanes& shaded,
+                           size_t lane, Path* path) const {
+  const SeenRecord& seen = shaded.seen[lane];
+  const bool is_seen = path->part == PathPart::kSeen;
+  if (is_seen) {
+    OpenSeen(
+        hit, surface,
+        {seen.diffuse_albedo, seen.glossy_albedo, seen.has_diffuse > 0, seen.has_facets > 0 ? alpha : 1.0f},
+        path);
   }
-  connection->light = shaded.connection.light.At(lane);
-  if (!connection->IsBlack()) {
-    connection->value = {shaded.connection.diffuse[lane], shaded.connection.non_diffuse.At(lane)};
-    SetFactor(diffuse_albedo, *path, connection);
-    connection->ray.origin = shaded.connection.origin.At(lane);
-    connection->ray.direction = shaded.connection.direction.At(lane);
-    connection->ray.max_distance = shaded.connection.distance[lane];
+  if (shaded.goes_on[lane] <= 0 || EndsHere(*path)) return false;
+  if (is_seen) {
+    path->seen.weight = seen.weight;
+    path->seen.total_weight = seen.total_weight;
+    path->options.is_direct_only = path->options.is_direct_only && MaxComponent(seen.weight.non_diffuse) <= 0;
+    path->part = PathPart::kLit;
+    path->incident = {};
+  } else {
+    path->incident.has_scattered = true;
   }
-  path->estimate = shaded.estimate[lane];
-  const float survival = shaded.step.survival[lane];
-  if (survival <= 0) return false;
-  BsdfSample step;
-  step.wi = shaded.step.direction.At(lane);
-  step.weight = {shaded.step.diffuse[lane], shaded.step.non_diffuse.At(lane)};
-  step.pdf = shaded.step.pdf[lane];
-  step.valid = step.pdf > 0;
-  return TakeStep(surface, diffuse_albedo, step, survival, path);
+  path->LeaveByLane(surface);
+  return true;
 }
 
 bool PathTracer::TakeBothBranches(const Surface& surface, const Bsdf& bsdf, Path* path,
@@ -437,7 +417,7 @@ void PathTracer::Follow(Path* path, std::vector<PathVertex>* record) const {
     Connection connection;
     goes_on = Shade(embree_->Intersect(path->ray), path, &connection, &branches);
     if (!connection.IsBlack()) {
-      connection.light *= visibility_.Transmittance(connection.ray);
+      connection.light *= visibility_.Transmittance(connection.shadow_ray);
       path->Add(connection);
     }
     if (record == nullptr) continue;

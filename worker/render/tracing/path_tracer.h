@@ -111,11 +111,10 @@ class PathTracer {
   /// follows from its result. `textured` is where the result may be kept.
   const BaseMaterial* LaneMaterialOf(const Surface& surface, const SurfaceMaterial& material,
                                      BaseMaterial* textured) const;
-  void SetLane(const Surface& surface, const BaseMaterial& material, const Path& path, size_t lane,
-               VertexLanes* out) const;
+  void SetChoiceLane(const Path& path, size_t lane, ChoiceLanes* out) const;
   void SetLightLane(const Surface& surface, const Path& path, size_t lane, VertexLanes* out) const;
-  bool ScatterLane(const Hit& hit, const Surface& surface, float alpha, const ShadedLanes& shaded,
-                   size_t lane, Path* path, Connection* connection) const;
+  bool LeaveLane(const Hit& hit, const Surface& surface, float alpha, const ShadedLanes& shaded, size_t lane,
+                 Path* path) const;
   /// Traces a path that has left its first surface to its end, alone. If `record` is not null, its vertices
   /// are added there.
   void Follow(Path* path, std::vector<PathVertex>* record) const;
@@ -146,6 +145,8 @@ class PathTracer {
                 Path* path) const;
   bool TakeSeenStep(const Surface& surface, Vec3 diffuse_albedo, BsdfSample step, float survival,
                     Path* path) const;
+  /// Whether nothing is wanted of what a path would find after its next vertex.
+  bool EndsHere(const Path& path) const;
   /// The rule of Russian roulette at the path's vertex.
   Roulette RouletteAt(const Path& path) const;
   /// Both delta events that leave smooth glass at the first surface, each weighted by Fresnel.

@@ -66,9 +66,6 @@ bool IsFlat(const Mesh& mesh) {
 }  // namespace
 
 void Surface::SpawnRay(const BsdfSample& step, uint64_t random_key, Ray* ray) const {
-  // After diffuse scattering (density at most 1/pi) the cone opens by at least a sixth of a radian: narrow
-  // enough to resolve textures nearby, wide enough to read distant ones from few texels.
-  constexpr float kShareOfDensity = 0.1f;
   ray->origin = Offset(step.wi);
   ray->direction = step.wi;
   ray->max_distance = std::numeric_limits<float>::infinity();
@@ -76,7 +73,7 @@ void Surface::SpawnRay(const BsdfSample& step, uint64_t random_key, Ray* ray) co
   ray->width = cone_width;
   ray->spread = 0;
   if (cone_width <= 0) return;
-  ray->spread = step.pdf > 0 ? std::max(cone_spread, kShareOfDensity / std::sqrt(step.pdf)) : cone_spread;
+  ray->spread = step.pdf > 0 ? std::max(cone_spread, kConeShareOfDensity / std::sqrt(step.pdf)) : cone_spread;
 }
 
 SurfaceReader::SurfaceReader(const scene::Scene& scene, const TextureSampler& textures)

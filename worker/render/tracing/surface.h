@@ -12,11 +12,8 @@
 namespace lumifold::render {
 
 /// A point that a ray hits, with everything that shading needs.
-struct Surface {
-  Vec3 position;
-  Vec3 geometric;    // unit face normal on the side the ray came from
-  Vec3 normal;       // unit shading normal, normal map included, on the same side
-  Vec3 coat_normal;  // the same for the clear coat; set only if there is one
+struct Surface : SurfaceRecord {
+  Vec3 coat_normal;  // shading normal of the clear coat; set only if there is one
   Vec3 anisotropy;   // SurfaceMaterial::anisotropy; set only if the material has any
   Vec2 uv[2];
   Footprint footprint;  // of the ray's cone; set only for materials with textures
@@ -25,9 +22,6 @@ struct Surface {
   bool is_emissive = true;  // the material emits from at least one side
   const scene::Material* material = nullptr;
   const SurfaceMaterial* values = nullptr;  // the material's, if they are the same everywhere; else null
-  float epsilon = 0;      // distance from the face at which a new ray must start so as not to hit it again
-  float cone_width = 0;   // width of the ray's cone here; 0 if the scene has no textures
-  float cone_spread = 0;  // growth of that width per metre
 
   /// The origin for rays that leave along `direction`.
   Vec3 Offset(Vec3 direction) const {

@@ -14,6 +14,7 @@
 #include "server/job/gaps.h"
 #include "server/job/job_state.h"
 #include "server/picture/make_picture.h"
+#include "server/picture/picture_code.h"
 
 namespace lumifold::server {
 
@@ -259,11 +260,12 @@ void Farm::QueueDue(const FrameKey& key) {
   if (const ActiveJob* const active = jobs.FindActive(frame.job); active != nullptr) {
     frame.rendered = absl::Seconds(active->record.times.render_seconds());
     frame.memory_bytes = PictureMemoryOf(active->record.spec);
-    // An audit compares units. What a worker makes of them is only its word: such jobs are finished here.
     const bool is_of_workers_too = frame.round == DueFrame::kResult && !active->record.spec.has_adaptive() &&
-                                   active->record.scheduling.audit_share() == 0;
-    if (is_of_workers_too) frame.block_count = FrameBlocks(active->record.spec).count();
-    frame.may_travel = is_of_workers_too && frame.block_count == 1;
+                                   SharesPictureCode(scheduler.jobs().NumericClassOf(frame.job));
+    const int blocks = FrameBlocks(active->record.spec).count();
+    frame.may_travel = is_of_workers_too && blocks == 1;
+    // An audit compares files, and a block is none: those of audited jobs are filtered here.
+    if (is_of_workers_too && active->record.scheduling.audit_share() == 0) frame.block_count = blocks;
   }
   frame.samples = scheduler.jobs().Progress(frame.job).samples_done;
   frames.Push(std::move(frame));

@@ -1,6 +1,7 @@
 // What the farm tells its workers: grants, revocations, moves; and what follows from audits.
 #include <spdlog/logger.h>
 
+#include <algorithm>
 #include <map>
 #include <optional>
 #include <string_view>
@@ -159,7 +160,13 @@ std::optional<RunningFrame> Farm::BeginFrame(absl::Time now) {
   TakeFramesBack(finish_leases.Expired(now, is_blocked), "expired");
   const auto find_worker = [&](const DueFrame& due) -> std::optional<WorkerId> {
     if (!scheduler.jobs().Has(due.job)) return std::nullopt;
-    return finish_leases.FindPlace(scheduler.jobs().NumericClassOf(due.job), due.memory_bytes, is_available);
+    const auto may_finish = [&](WorkerId worker) {
+      return is_available(worker) &&
+             std::none_of(due.claims.begin(), due.claims.end(), [&](const ClaimedResult& claim) {
+               return claim.worker == workers.Find(worker)->name;
+             });
+    };
+    return finish_leases.FindPlace(scheduler.jobs().NumericClassOf(due.job), due.memory_bytes, may_finish);
   };
   frames.OfferBlocks([&](const DueFrame& due) {
     return is_leasing() && scheduler.jobs().Has(due.job) &&

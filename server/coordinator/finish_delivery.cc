@@ -1,8 +1,11 @@
 #include "server/coordinator/finish_delivery.h"
 
+#include <spdlog/logger.h>
+
 #include <algorithm>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "filter/image/file_calls.h"
@@ -48,6 +51,13 @@ absl::StatusOr<NamedLease> FindLease(Farm* farm, const std::string& worker_id, c
   return lease;
 }
 
+std::vector<ClaimedResult> ClaimsOf(const FrameQueue& frames, const FramePart& part) {
+  for (const RunningFrame& frame : frames.running()) {
+    if (frame.part() == part) return frame.due.claims;
+  }
+  return {};
+}
+
 /// What is kept of the times that a worker tells.
 v1::StageTimes StoredTimes(const v1::StageTimes& told) {
   const auto bounded = [](double seconds) { return seconds > 0 ? std::min(seconds, kMaxSeconds) : 0.0; };
@@ -63,7 +73,7 @@ class ReceivedResult final : public ResultUpload {
  public:
   ReceivedResult(Resources* resources, FarmState* state, FrameFinishing* finishing, NamedLease lease,
                  DueFrame due, v1::FrameReport report, std::optional<uint64_t> block_bytes,
-                 uint64_t max_bytes)
+                 uint64_t max_bytes, std::string audited)
       : resources_(resources),
         state_(state),
         finishing_(finishing),
@@ -72,6 +82,7 @@ class ReceivedResult final : public ResultUpload {
         report_(std::move(report)),
         block_bytes_(block_bytes),
         max_bytes_(max_bytes),
+        audited_(std::move(audited)),
         path_(block_bytes.has_value() ? resources->folder.BlockPath(due_.job, due_.number, lease_.part.block)
                                       : resources->folder.ResultPath(due_.job, due_.number)),
         partial_(absl::StrCat(path_, ".", lease_.attempt.value(), kPartialSuffix)) {}
@@ -105,6 +116,7 @@ class ReceivedResult final : public ResultUpload {
         return absl::AbortedError("result: the lease has become void");
       lease->is_delivered = true;
     }
+    if (!audited_.empty() && !IsConfirmed()) return Compare();
     const absl::Status placed = Place();
     const absl::StatusOr<v1::FrameReport> report =
         placed.ok() ? absl::StatusOr<v1::FrameReport>(report_) : placed;
@@ -130,6 +142,22 @@ class ReceivedResult final : public ResultUpload {
     return absl::OkStatus();
   }
 
+  /// Whether another worker has made the same.
+  bool IsConfirmed() const {
+    return std::any_of(due_.claims.begin(), due_.claims.end(),
+                       [this](const ClaimedResult& claim) { return claim.sha256 == sha256_; });
+  }
+
+  /// Somebody else is to make the frame again.
+  absl::Status Compare() {
+    FarmState::Change farm(state_);
+    farm->finish_leases.End(lease_.attempt);
+    farm->frames.Audit(lease_.part, {audited_, sha256_}, resources_->options.now());
+    resources_->log().info("event=frame_compared unit={} worker={}",
+                           logging::Quoted(Describe(UnitOf(lease_.part))), audited_);
+    return absl::OkStatus();
+  }
+
   absl::Status Place() {
     FileSystem* const files = resources_->folder.files();
     if (absl::Status status = CheckOwner(*resources_->store, resources_->Owned(due_.job)); !status.ok())
@@ -148,6 +176,7 @@ class ReceivedResult final : public ResultUpload {
   const v1::FrameReport report_;
   const std::optional<uint64_t> block_bytes_;  // of a block
   const uint64_t max_bytes_;
+  const std::string audited_;  // the worker's name, if the frame is; else empty
   const std::string path_;
   const std::string partial_;
   std::optional<rpc::ByteReceiver> file_;
@@ -207,7 +236,8 @@ absl::StatusOr<std::unique_ptr<ResultUpload>> FinishDelivery::Receive(
     absl::StatusOr<NamedLease> lease =
         FindLease(&*farm, announcement.worker_id(), caller, announcement.unit(), announcement.attempt());
     if (!lease.ok()) return lease.status();
-    const v1::JobSpec& spec = farm->jobs.FindActive(lease->part.frame.first)->record.spec;
+    const ledger::JobRecord& job = farm->jobs.FindActive(lease->part.frame.first)->record;
+    const v1::JobSpec& spec = job.spec;
     const auto pixels = static_cast<uint64_t>(spec.width()) * static_cast<uint64_t>(spec.height());
     std::optional<uint64_t> block_bytes;
     if (lease->part.block != FramePart::kWhole)
@@ -215,10 +245,15 @@ absl::StatusOr<std::unique_ptr<ResultUpload>> FinishDelivery::Receive(
     v1::FrameReport report;
     *report.mutable_times() = StoredTimes(announcement.times());
     report.set_core_seconds(FrameFinishing::SumOf(report.times()));
-    DueFrame due = {.job = lease->part.frame.first, .number = lease->part.frame.second};
-    result = std::make_unique<ReceivedResult>(resources_, state_, finishing_, *std::move(lease),
-                                              std::move(due), std::move(report), block_bytes,
-                                              pixels * kMaxBytesPerPixel + kMaxOtherBytes);
+    DueFrame due = {.job = lease->part.frame.first,
+                    .number = lease->part.frame.second,
+                    .claims = ClaimsOf(farm->frames, lease->part)};
+    const bool is_audited =
+        !block_bytes.has_value() && scheduler::IsAudited(UnitOf(lease->part), job.scheduling.audit_share());
+    std::string audited = is_audited ? farm->workers.Find(lease->worker)->name : "";
+    result = std::make_unique<ReceivedResult>(
+        resources_, state_, finishing_, *std::move(lease), std::move(due), std::move(report), block_bytes,
+        pixels * kMaxBytesPerPixel + kMaxOtherBytes, std::move(audited));
   }
   if (absl::Status status = resources_->NoteError(result->Open()); !status.ok()) return status;
   return result;

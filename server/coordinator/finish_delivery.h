@@ -37,7 +37,7 @@ class FinishDelivery {
                 const std::string& reason) const;
 
  private:
-  /// The levels of light of a frame, once the headers of its units have been read: others that want them wait.
+  /// The levels of light of a frame, once the headers of its units are read: others who want them wait.
   struct FrameLevels {
     absl::Mutex mutex;
     std::optional<uint64_t> levels ABSL_GUARDED_BY(mutex);

@@ -12,6 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "proto/logging/fields.h"
 #include "proto/threads/event.h"
+#include "server/film/result_digest.h"
 #include "server/finish/estimate_round.h"
 #include "server/finish/frame_finisher.h"
 
@@ -61,6 +62,7 @@ void FrameFinishing::FinishFrame(const RunningFrame& frame) {
           : finisher->Estimate(
                 {due.job, resources_->owner.epoch, due.number, due.round, due.rendered, due.samples},
                 frame.threads);
+  if (report.ok()) JudgeClaims(due);
   // Aborted: another coordinator has taken the job over, and finishes the frame.
   const bool is_dropped = absl::IsCancelled(report.status()) || absl::IsAborted(report.status());
   if (report.ok()) report->set_core_seconds(due.blocks.seconds + frame.threads * SumOf(report->times()));
@@ -70,6 +72,21 @@ void FrameFinishing::FinishFrame(const RunningFrame& frame) {
       resources_->folder.files()->Remove(resources_->folder.BlockPath(due.job, due.number, block));
   }
   FarmState::Change(state_)->frames.End(frame.part(), resources_->options.now());
+}
+
+void FrameFinishing::JudgeClaims(const DueFrame& frame) {
+  if (frame.claims.empty()) return;
+  const absl::StatusOr<std::string> digest =
+      film::ResultDigest(resources_->folder.ResultPath(frame.job, frame.number));
+  if (!digest.ok()) return;  // nothing to compare with
+  FarmState::Change farm(state_);
+  if (farm->frames.IsStale(frame.key())) return;
+  for (const ClaimedResult& claim : frame.claims) {
+    if (claim.sha256 == *digest) continue;
+    farm->scheduler.BlockFaulty(
+        claim.worker, absl::StrCat("it delivered another picture of frame ", frame.number, " of job ",
+                                   frame.job.value(), " than this coordinator has made"));
+  }
 }
 
 void FrameFinishing::JoinEnded() {

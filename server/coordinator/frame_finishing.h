@@ -44,6 +44,8 @@ class FrameFinishing {
   /// Joins the threads of frames that are finished.
   void JoinEnded();
   void FinishFrame(const RunningFrame& frame);
+  /// Finds the workers faulty that delivered another result of the frame than this coordinator has made.
+  void JudgeClaims(const DueFrame& frame);
   void RetryFrame(Farm* farm, DueFrame frame, const absl::Status& error);
   void AwaitStorage(Farm* farm, DueFrame frame, const absl::Status& error);
   /// Opens the rounds that the frame's record has.

@@ -197,6 +197,14 @@ void FrameQueue::ComeBack(const FramePart& part, absl::Time now) {
   frame->blocks.waiting.push_back(part.block);
 }
 
+void FrameQueue::Audit(const FramePart& part, ClaimedResult claim, absl::Time now) {
+  RunningFrame ended = Take(part, now);
+  if (ended.is_stale || !numbers_.contains(part.frame.first)) return;
+  ended.due.claims.push_back(std::move(claim));
+  ended.due.may_travel = ended.due.claims.size() == 1;
+  waiting_.push_front(std::move(ended.due));
+}
+
 uint64_t FrameQueue::MemoryOf(const DueFrame& frame) const {
   return options_.frame_memory_bytes == 0 ? frame.memory_bytes
                                           : std::min(frame.memory_bytes, options_.frame_memory_bytes);
@@ -277,6 +285,9 @@ int FrameQueue::CountWaiting(const job::JobId& job) const {
 
 void FrameQueue::MarkStale(const FrameKey& frame) {
   for (RunningFrame& other : running_) other.is_stale = other.is_stale || other.due.key() == frame;
+  for (DueFrame& other : waiting_) {
+    if (other.key() == frame) other.claims.clear();
+  }
   // What its blocks were made of is gone. It is queued again when it is committed again.
   std::erase_if(waiting_,
                 [&](const DueFrame& other) { return other.key() == frame && other.blocks.have_begun; });

@@ -49,6 +49,12 @@ struct BlockProgress {
   bool IsOver() const { return waiting.empty() && running == 0; }
 };
 
+/// What a worker has delivered of a frame that is audited.
+struct ClaimedResult {
+  std::string worker;  // name
+  std::string sha256;  // of the file
+};
+
 /// A frame for which something is due: its result, or with adaptive sampling the estimate of a round.
 struct DueFrame {
   job::JobId job;
@@ -66,6 +72,8 @@ struct DueFrame {
   /// More than 1: workers may filter so many blocks of it.
   int block_count = 1;
   BlockProgress blocks{};
+  /// It is audited: this was delivered, and somebody else is to make it again.
+  std::vector<ClaimedResult> claims{};
   /// Number of times that finishing it has failed, and when it may be tried again.
   int failures = 0;
   /// Number of times that the storage could not be written meanwhile, which is no failure of the frame.
@@ -132,6 +140,9 @@ class FrameQueue {
   /// Ends what a worker has not finished. A frame is queued again, for this coordinator; a block, for any
   /// worker.
   void ComeBack(const FramePart& part, absl::Time now);
+  /// A worker has delivered a frame that is audited: it is queued again for another one, or for this
+  /// coordinator where two differ.
+  void Audit(const FramePart& part, ClaimedResult claim, absl::Time now);
   /// When the next of those that may not be finished yet may be; InfiniteFuture if there is none.
   absl::Time NextDue(absl::Time now) const;
   /// Queues a frame again that failed, for later. False where it has failed too often.
@@ -143,7 +154,7 @@ class FrameQueue {
   /// Frames of a job that are being finished, here or by workers, and those that wait. Linear in all frames.
   int CountRunning(const job::JobId& job) const;
   int CountWaiting(const job::JobId& job) const;
-  /// Units of the frame were taken back. No effect unless it is running.
+  /// Units of the frame were taken back: what was made of them is of no use, nor compared.
   void MarkStale(const FrameKey& frame);
   bool IsStale(const FrameKey& frame) const;
   const std::deque<DueFrame>& waiting() const { return waiting_; }

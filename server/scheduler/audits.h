@@ -38,13 +38,14 @@ class Audits {
   /// A unit is committed: it is to be revoked if its worker was found faulty meanwhile.
   void OnCommitted(const UnitIndex& unit);
 
+  /// Blocks a worker, by name, whose results are wrong, and has its units of frames that are not finished
+  /// revoked (Workers::TakeFaulty).
+  void BlockFaulty(const std::string& worker, const std::string& reason);
+
   /// Whether a worker is available that may audit the unit, which is audited. O(names asked so far).
   static bool HasAuditor(const State& state, const UnitIndex& unit);
 
  private:
-  /// Blocks a worker that delivered other pixels than two others.
-  void BlockFaulty(const std::string& worker, const std::string& reason);
-
   State* const state_;
   Frames* const frames_;
   Leasing* const leasing_;

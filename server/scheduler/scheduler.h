@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "absl/time/time.h"
@@ -54,6 +55,10 @@ class Scheduler {
   std::vector<LateLease> ExpireLeases(absl::Time now);
   /// Jobs that cannot go on, as it turned out since the last call; each once. The caller ends them.
   std::vector<FailedJob> TakeFailedJobs();
+  /// See Audits::BlockFaulty.
+  void BlockFaulty(const std::string& worker, const std::string& reason) {
+    audits_.BlockFaulty(worker, reason);
+  }
   /// When ExpireLeases has something to do next; InfiniteFuture if nothing is due.
   absl::Time NextExpiry() const;
 

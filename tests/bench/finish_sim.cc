@@ -148,6 +148,7 @@ class Farm {
       ends_of_work_.erase(ends_of_work_.begin());
     }
     for (const std::function<void()>& done : ended) done();
+    for (const size_t worker : std::exchange(next_, {})) Grant(worker);  // its thread is idle now
   }
 
   /// Something for a thread of the worker.
@@ -173,6 +174,8 @@ class Farm {
     for (size_t i = 0; i < workers_.size(); ++i) Grant(i);
   }
   void Grant(size_t number) {
+    if (settings_.in_place && next_unit_ % settings_.units == 0 && FramesLeft() > AllThreads())
+      return GrantFrames(number);
     while (next_unit_ < int64_t{frames_} * settings_.units &&
            workers_[number].units < 2 * settings_.worker_threads) {
       const auto frame = static_cast<size_t>(next_unit_++ / settings_.units);
@@ -180,6 +183,19 @@ class Farm {
       Give(number, {settings_.render_seconds / settings_.units, [this, number, frame] {
                       cores_.AddMessage(settings_.receive_seconds / settings_.units,
                                         [this, number, frame] { OnReceived(number, frame); });
+                    }});
+    }
+  }
+  int64_t AllThreads() const { return int64_t{settings_.workers} * settings_.worker_threads; }
+  int64_t FramesLeft() const { return frames_ - next_unit_ / settings_.units; }
+  /// Each idle thread of the worker gets a frame for itself.
+  void GrantFrames(size_t number) {
+    while (workers_[number].idle_threads > 0 && FramesLeft() > AllThreads()) {
+      next_unit_ += settings_.units;
+      ++away_;
+      Give(number, {settings_.render_seconds + settings_.finish_seconds, [this, number] {
+                      cores_.AddMessage(settings_.send_seconds / 2, [this] { ends_.push_back(now_); });
+                      next_.push_back(number);
                     }});
     }
   }
@@ -242,6 +258,7 @@ class Farm {
   std::vector<SimWorker> workers_;
   std::vector<int> received_;  // units of each frame
   std::multimap<double, std::function<void()>> ends_of_work_;
+  std::vector<size_t> next_;  // workers that have finished a frame
   std::vector<double> ends_;  // of frames
   int64_t next_unit_ = 0;
   int64_t attempts_ = 0;

@@ -18,6 +18,9 @@ struct FinishSettings {
   double send_seconds = .16;
   int units = 24;  // of a frame
   bool workers_finish = true;
+  /// A design that is not built: each thread of a worker renders and finishes a frame by itself and sends the
+  /// file alone, as long as more frames are left than threads; those go by units.
+  bool in_place = false;
   /// Frames that the coordinator finishes at a time; 0: as many as it has cores.
   int processes = 0;
 };

@@ -33,8 +33,8 @@ class FinishTest(unittest.TestCase):
         cls.folder.cleanup()
 
     @classmethod
-    def submit(cls, farm):
-        return farm.client("submit", cls.scene, *SETTINGS).stdout.strip()
+    def submit(cls, farm, *options):
+        return farm.client("submit", cls.scene, *SETTINGS, *options).stdout.strip()
 
     @staticmethod
     def results(data, job):
@@ -70,6 +70,14 @@ class FinishTest(unittest.TestCase):
             self.assertEqual(farm.server.log_text().count("event=frame_finished"), FRAMES)
 
     @contextlib.contextmanager
+    def test_workers_compare_the_results_of_an_audited_job(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
+            for _ in range(2):
+                farm.start_worker(threads=2)
+            self.expect_same(data, farm, self.submit(farm, "--audit-share", "0.5"))
+            self.assertIn("event=frame_compared", farm.server.log_text())
+            self.assertNotIn("event=worker_faulty", farm.server.log_text())
+
     def a_leased_frame(self, *options):
         """A farm whose first worker has a frame to finish; what happens then changes no file."""
         with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:

@@ -9,6 +9,7 @@
 #include <iterator>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
 #include "filter/image/file_io.h"
@@ -20,6 +21,7 @@
 #include "server/commit/recover.h"
 #include "server/job/job_state.h"
 #include "server/ledger/sqlite_job_store.h"
+#include "server/picture/picture_code.h"
 #include "tests/support/made_up_plan.h"
 #include "tests/support/random_unit.h"
 
@@ -47,8 +49,16 @@ PumpedWorker::PumpedWorker(Coordinator* coordinator, int slots, uint64_t instanc
   Open(coordinator, std::move(hello), access::LocalIdentity());
 }
 
+PumpedWorker::PumpedWorker(Coordinator* coordinator, const std::string& name) : seed_(1) {
+  v1::Hello hello;
+  hello.set_name(name);
+  hello.set_finishes(1);
+  hello.set_finish_memory_bytes(uint64_t{1} << 40);
+  Open(coordinator, std::move(hello), access::LocalIdentity());
+}
+
 void PumpedWorker::Open(Coordinator* coordinator, v1::Hello hello, const access::Identity& caller) {
-  hello.set_numeric_class("test");
+  hello.set_numeric_class(absl::StrCat("test-", PictureCode(), "-"));
   hello.set_wire_version(rpc::kWireVersion);
   absl::StatusOr<std::unique_ptr<WorkerSession>> session =
       WorkerSession::Open(&coordinator->workers(), hello, caller, this);
@@ -62,6 +72,7 @@ void PumpedWorker::Send(const v1::CoordinatorMessage& message) {
     leases_.push_back(lease);
     leased_.insert(job::UnitFromProto(lease.unit()));
   }
+  if (message.has_welcome()) id_ = message.welcome().worker_id();
   if (message.has_move()) move_address_ = message.move().address();
   if (message.has_ack() && message.ack().refused().empty())
     acknowledged_.insert(job::UnitFromProto(message.ack().unit()));
@@ -80,6 +91,27 @@ int PumpedWorker::Deliver(int count) {
     DeliverUnit(lease);
   }
   return delivered;
+}
+
+absl::Status PumpedWorker::DeliverResult(Coordinator* coordinator, const std::string& bytes) {
+  const v1::Lease lease = TakeLease();
+  v1::ResultAnnouncement announcement;
+  *announcement.mutable_unit() = lease.unit();
+  announcement.set_attempt(lease.attempt());
+  {
+    absl::MutexLock lock(&mutex_);
+    announcement.set_worker_id(id_);
+  }
+  absl::StatusOr<std::unique_ptr<ResultUpload>> upload =
+      coordinator->workers().ReceiveResult(announcement, access::KeyOf(access::LocalIdentity()));
+  if (!upload.ok()) return upload.status();
+  v1::ByteChunk chunk;
+  chunk.set_data(bytes);
+  chunk.set_total_size(bytes.size());
+  chunk.set_checksum(rpc::Checksum(bytes));
+  chunk.set_sha256(rpc::Sha256Hex(bytes));
+  if (absl::Status status = (*upload)->Add(chunk); !status.ok()) return status;
+  return (*upload)->Finish();
 }
 
 void PumpedWorker::Fail() {

@@ -31,6 +31,8 @@ class PumpedWorker final : public WorkerSink {
                const access::Identity& caller = access::LocalIdentity());
   /// A connection of the process with this number. An earlier one may still be open.
   PumpedWorker(Coordinator* coordinator, int slots, uint64_t instance);
+  /// One that finishes a frame at a time, and renders nothing.
+  PumpedWorker(Coordinator* coordinator, const std::string& name);
 
   void Send(const v1::CoordinatorMessage& message) override;
   /// Delivers the units of at most `count` leases that it has got; returns how many.
@@ -46,6 +48,8 @@ class PumpedWorker final : public WorkerSink {
   void DeliverPlan(const v1::Plan& plan);
   /// Delivers pixels for the first lease that it has got.
   void DeliverPixels();
+  /// Delivers these bytes for the frame that it has a lease to finish.
+  absl::Status DeliverResult(Coordinator* coordinator, const std::string& bytes);
   /// Says that it cannot render the units of the leases that it has got.
   void Fail();
   /// All units that were ever leased to it.
@@ -65,6 +69,7 @@ class PumpedWorker final : public WorkerSink {
   std::set<job::UnitRef> leased_ ABSL_GUARDED_BY(mutex_);
   std::set<job::UnitRef> acknowledged_ ABSL_GUARDED_BY(mutex_);
   std::string move_address_ ABSL_GUARDED_BY(mutex_);
+  std::string id_ ABSL_GUARDED_BY(mutex_);  // of Welcome
   std::unique_ptr<WorkerSession> session_;  // last: it uses the members above
 };
 

@@ -16,6 +16,7 @@
 #include "server/coordinator/explain.h"
 #include "server/job/job_spec.h"
 #include "server/job/plan.h"
+#include "server/picture/picture_code.h"
 #include "tests/support/made_up_plan.h"
 #include "tests/support/temp_folder.h"
 
@@ -83,6 +84,9 @@ CoordinatorOptions Options(const absl::Time* now) {
   return options;
 }
 
+/// Of workers that may finish frames, too.
+std::string FarmClass() { return absl::StrCat("c-", PictureCode(), "-"); }
+
 class FarmTest : public testing::Test {
  protected:
   FarmTest()
@@ -120,7 +124,7 @@ class FarmTest : public testing::Test {
   }
   job::WorkerId Connect(const std::string& name, int slots) {
     const job::WorkerId worker = farm_.workers.Add({.name = name, .slots = slots, .sink = &sinks_[name]});
-    farm_.scheduler.workers().Add(worker, {.name = name, .numeric_class = "c", .slots = slots});
+    farm_.scheduler.workers().Add(worker, {.name = name, .numeric_class = FarmClass(), .slots = slots});
     farm_.Complete();
     return worker;
   }
@@ -401,8 +405,8 @@ class FarmFinishTest : public FarmTest {
   /// Three jobs whose only frame is rendered, and a worker that finishes frames.
   FarmFinishTest() {
     worker_ = Connect("worker", 64);
-    farm_.finish_leases.AddWorker(worker_,
-                                  {.numeric_class = "c", .places = 1, .memory_bytes = uint64_t{1} << 40});
+    farm_.finish_leases.AddWorker(
+        worker_, {.numeric_class = FarmClass(), .places = 1, .memory_bytes = uint64_t{1} << 40});
     for (const char* id : {"j-1", "j-2", "j-3"}) Start(id);
     for (const v1::Lease& lease : std::vector<v1::Lease>(sinks_["worker"].leases)) {
       AcceptedUnit unit;
@@ -476,17 +480,28 @@ TEST_F(FarmFinishTest, ABlockedWorkerHasNoFrames) {
   EXPECT_EQ(farm_.StatusOf(second_)->frames_waiting(), 1);
 }
 
-TEST_F(FarmFinishTest, AJobWithAuditsIsFinishedByItsCoordinator) {
-  farm_.jobs.FindActive(second_)->record.scheduling.set_audit_share(.1);
-  farm_.frames.ForgetJob(second_);
-  farm_.frames.AddJob(second_, {});
-  farm_.QueueDue({second_, 0});
-  farm_.finish_leases.AddWorker(worker_,
-                                {.numeric_class = "c", .places = 9, .memory_bytes = uint64_t{1} << 40});
+TEST_F(FarmFinishTest, AnAuditedFrameIsMadeAgainByAnotherWorker) {
   farm_.BeginFrame(now_);
-  EXPECT_EQ(farm_.BeginFrame(now_)->due.job, JobId("j-3"));
+  const std::optional<RunningFrame> sent = farm_.BeginFrame(now_);
+  ASSERT_TRUE(sent.has_value());
+  ASSERT_EQ(sent->worker, worker_);
+  farm_.finish_leases.End(job::Attempt(Last().attempt()));
+  farm_.frames.Audit(sent->part(), {farm_.workers.Find(worker_)->name, "digest"}, now_);
+  EXPECT_EQ(farm_.BeginFrame(now_)->due.job, JobId("j-3")) << "it may not confirm itself";
   EXPECT_FALSE(farm_.BeginFrame(now_).has_value());
-  EXPECT_EQ(farm_.StatusOf(second_)->frames_waiting(), 1);
+  const job::WorkerId other = Connect("other", 1);
+  farm_.finish_leases.AddWorker(
+      other, {.numeric_class = FarmClass(), .places = 1, .memory_bytes = uint64_t{1} << 40});
+  const std::optional<RunningFrame> again = farm_.BeginFrame(now_);
+  ASSERT_TRUE(again.has_value());
+  EXPECT_EQ(again->worker, other);
+  EXPECT_EQ(again->due.key(), sent->due.key());
+}
+
+TEST(PictureCode, AClassNamesTheCodeOfPictures) {
+  EXPECT_TRUE(SharesPictureCode(FarmClass()));
+  EXPECT_FALSE(SharesPictureCode("c-"));
+  EXPECT_FALSE(SharesPictureCode(""));
 }
 
 TEST_F(FarmTest, TheEndOfAJobLeavesNothingOfItBehind) {

@@ -239,6 +239,35 @@ TEST_F(FrameQueueTest, FramesWithoutAPlaceHereGoToWorkersAndComeBackForThisCoord
   EXPECT_TRUE(queue_->waiting().empty()) << "it is rendered again first";
 }
 
+TEST_F(FrameQueueTest, WhatAWorkerDeliveredOfAnAuditedFrameIsMadeAgainByAnother) {
+  Make({});
+  AddJob("j-1", "ann");
+  Push("j-1", 1, 1);
+  DueFrame due = Frame("j-1", 2);
+  due.may_travel = true;
+  const FramePart part = {due.key()};
+  queue_->Push(due);
+  EXPECT_THAT(BeginAll(), ElementsAre(Pair("j-1", 1)));
+  const auto away = [&] {
+    return queue_->BeginAway(kQueueStart, [](const DueFrame&) { return job::WorkerId(7); });
+  };
+  ASSERT_TRUE(away().has_value());
+  queue_->Audit(part, {"ann", "one"}, kQueueStart);
+  const std::optional<RunningFrame> audit = away();
+  ASSERT_TRUE(audit.has_value());
+  EXPECT_THAT(audit->due.claims, ElementsAre(testing::Field(&ClaimedResult::worker, "ann")));
+  queue_->Audit(part, {"ben", "two"}, kQueueStart);
+  EXPECT_FALSE(away().has_value()) << "this coordinator decides";
+  queue_->MarkStale(due.key());
+  EndOne("j-1", kQueueStart);
+  const std::optional<RunningFrame> here = queue_->Begin(kQueueStart);
+  ASSERT_TRUE(here.has_value());
+  EXPECT_THAT(here->due.claims, testing::IsEmpty()) << "of units that were taken back";
+  queue_->MarkStale(due.key());
+  queue_->Audit(part, {"ann", "one"}, kQueueStart);
+  EXPECT_TRUE(queue_->waiting().empty()) << "it is rendered again first";
+}
+
 class BlocksTest : public FrameQueueTest {
  protected:
   BlocksTest() {

@@ -1,7 +1,7 @@
-# Writes a header with a hash of source files: cmake -DOUT=FILE -DSOURCES=A|B|... -P hash_sources.cmake
+# Writes a header with a hash of source files: cmake -DOUT=FILE -DNAME=CONSTANT -DSOURCES=A|B|... -DLIBRARIES=VERSIONS -P hash_sources.cmake
 string(REPLACE "|" ";" sources "${SOURCES}")
 list(SORT sources)
-set(all "")
+set(all "${LIBRARIES}\n")
 foreach(source ${sources})
   file(SHA256 ${source} hash)
   get_filename_component(name ${source} NAME)
@@ -9,4 +9,4 @@ foreach(source ${sources})
 endforeach()
 string(SHA256 hash "${all}")
 string(SUBSTRING ${hash} 0 8 hash)
-file(WRITE ${OUT} "inline constexpr char kRenderSources[] = \"${hash}\";\n")
+file(WRITE ${OUT} "inline constexpr char ${NAME}[] = \"${hash}\";\n")

@@ -120,6 +120,8 @@ class PathTracer {
   /// The same for a ray that leaves the scene.
   Vec3 EmittedOnMiss(Vec3 direction, float pdf) const;
   Bsdf MakeBsdf(const Surface& surface, Vec3 wo) const;
+  /// The same where a path may be of one wavelength.
+  Bsdf BsdfOnPath(const Surface& surface, const SurfaceMaterial& material, const Path& path) const;
   /// How a path goes on from a vertex that it was at with this probability of survival. Returns whether it
   /// does.
   bool TakeStep(const Surface& surface, Vec3 diffuse_albedo, const BsdfSample& step, float survival,

@@ -133,6 +133,9 @@ GltfFixture LitDocument() {
       "materials",
       {{"extensions",
         {{"KHR_materials_clearcoat", {{"clearcoatFactor", 0.5}, {"clearcoatRoughnessFactor", 0.25}}},
+         {"KHR_materials_dispersion", {{"dispersion", 0.4}}},
+         {"KHR_materials_transmission", {{"transmissionFactor", 0.5}}},
+         {"KHR_materials_volume", {{"thicknessFactor", 1}}},
          {"KHR_materials_sheen", {{"sheenColorFactor", {0.1, 0.2, 0.3}}, {"sheenRoughnessFactor", 0.4}}}}}});
   fixture.AddTriangles(kTriangle, {{"material", 0}});
   auto& lights = fixture.json["extensions"]["KHR_lights_punctual"]["lights"];

@@ -19,6 +19,7 @@ constexpr std::string_view kSupported[] = {
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
     "KHR_materials_diffuse_transmission",
+    "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_iridescence",
@@ -43,7 +44,6 @@ struct Loss {
 
 constexpr Loss kLosses[] = {
     {"EXT_lights_image_based", "its environment light is left out"},
-    {"KHR_materials_dispersion", "glass does not split colours"},
 };
 
 bool IsSupported(std::string_view extension) {

@@ -149,14 +149,14 @@ absl::Status ReadAttributes(const VertexSource& source, Mesh* mesh) {
 
 bool NeedsTangents(const Material& material) {
   return material.normal_map.texture.texture != kNone ||
-         material.clearcoat.normal_map.texture.texture != kNone || material.anisotropy.strength > 0;
+         material.clearcoat.normal_map.texture.texture != kNone || material.base.anisotropy.strength > 0;
 }
 
 /// From whose texture coordinates tangents are generated: those of the first texture that needs them. A coat
 /// over a base with a normal map uses the base's tangents.
 const TextureRef& MapOfTangents(const Material& material) {
-  for (const TextureRef* map :
-       {&material.normal_map.texture, &material.anisotropy.texture, &material.clearcoat.normal_map.texture}) {
+  for (const TextureRef* map : {&material.normal_map.texture, &material.base.anisotropy.texture,
+                                &material.clearcoat.normal_map.texture}) {
     if (map->texture != kNone) return *map;
   }
   return material.normal_map.texture;  // names no texture: the first texture coordinates as they are
@@ -195,7 +195,7 @@ void GeometryReader::Clean(const std::string& place, Mesh* mesh) {
   if (mesh->material == kNone || !mesh->tangents.empty()) return;
   const Material& material = materials_[mesh->material];
   if (NeedsTangents(material)) GenerateTangents(MapOfTangents(material), mesh);
-  if (material.anisotropy.strength > 0 && mesh->tangents.empty())
+  if (material.base.anisotropy.strength > 0 && mesh->tangents.empty())
     diagnostics_->Count("meshes without tangents and texture coordinates have round highlights", place);
 }
 

@@ -17,6 +17,7 @@ namespace {
 
 constexpr char kTextureTransform[] = "KHR_texture_transform";
 constexpr float kFullReflection = 1e6f;    // an ior whose reflectance is 1 but for rounding
+constexpr double kMaxDispersion = 100;     // fifty times that of rutile
 constexpr double kMaxFilmThickness = 1e6;  // nanometres: far above what shows interference
 constexpr double kMaxInt = std::numeric_limits<int>::max();
 constexpr double kMaxFloat = std::numeric_limits<float>::max();
@@ -41,6 +42,7 @@ class MaterialReader {
     ReadSpecular();
     ReadTransmission();
     ReadVolume();
+    ReadDispersion();
     ReadClearcoat();
     ReadSheen();
     ReadAnisotropy();
@@ -162,7 +164,7 @@ class MaterialReader {
   void ReadAnisotropy() {
     const auto* extension = Extension("KHR_materials_anisotropy");
     if (extension == nullptr) return;
-    Material::Anisotropy& anisotropy = material_.anisotropy;
+    Material::Base::Anisotropy& anisotropy = material_.base.anisotropy;
     anisotropy.strength = Fraction(fields_.Number(*extension, "anisotropyStrength", 0), "anisotropyStrength");
     if (anisotropy.strength == 0) return;
     const double angle = fields_.Number(*extension, "anisotropyRotation", 0);
@@ -174,7 +176,7 @@ class MaterialReader {
   void ReadDiffuseTransmission() {
     const auto* extension = Extension("KHR_materials_diffuse_transmission");
     if (extension == nullptr) return;
-    Material::DiffuseTransmission& transmission = material_.diffuse_transmission;
+    Material::Base::DiffuseTransmission& transmission = material_.base.diffuse_transmission;
     transmission.factor =
         Fraction(fields_.Number(*extension, "diffuseTransmissionFactor", 0), "diffuseTransmissionFactor");
     if (transmission.factor == 0) return;
@@ -236,6 +238,14 @@ class MaterialReader {
     material_.volume.attenuation_color =
         FractionColor(fields_.Numbers<3>(*extension, "attenuationColor", {1, 1, 1}), "attenuationColor");
     ReportUnusedTexture(*extension, "thicknessTexture", "the shape itself is what light goes through");
+  }
+
+  /// Only solid glass refracts.
+  void ReadDispersion() {
+    const auto* extension = Extension("KHR_materials_dispersion");
+    if (extension == nullptr || !material_.volume.is_solid || material_.transmission.factor <= 0) return;
+    material_.volume.dispersion =
+        fields_.Clamped(fields_.Number(*extension, "dispersion", 0), 0, kMaxDispersion, "dispersion");
   }
 
   void ReportUnusedTexture(const tinygltf::Value& extension, const char* field, const char* instead) {

@@ -108,9 +108,9 @@ std::array<TextureUse, 17> TexturesOf(const Material& material) {
            {&material.clearcoat.normal_map.texture, false},
            {&material.sheen.color_texture, true},
            {&material.sheen.roughness_texture, false},
-           {&material.anisotropy.texture, false},
-           {&material.diffuse_transmission.factor_texture, false},
-           {&material.diffuse_transmission.color_texture, true},
+           {&material.base.anisotropy.texture, false},
+           {&material.base.diffuse_transmission.factor_texture, false},
+           {&material.base.diffuse_transmission.color_texture, true},
            {&material.iridescence.factor_texture, false},
            {&material.iridescence.thickness_texture, false}}};
 }

@@ -68,12 +68,27 @@ struct NormalMap {
 struct Material {
   /// glTF's pbrMetallicRoughness.
   struct Base {
+    /// KHR_materials_anisotropy: one direction of the base's microfacets is rougher.
+    struct Anisotropy {
+      float strength = 0;
+      Vec2 direction = {1, 0};  // of the greater roughness, along tangent and bitangent; turns the texture's
+      TextureRef texture;       // R and G direction, B strength
+    };
+    /// KHR_materials_diffuse_transmission: the part of the diffuse base's light that leaves behind it.
+    struct DiffuseTransmission {
+      float factor = 0;
+      TextureRef factor_texture;  // A
+      Vec3 color = {1, 1, 1};     // in place of the base colour
+      TextureRef color_texture;   // sRGB
+    };
     Vec3 color = {1, 1, 1};
     float alpha = 1;
     TextureRef color_texture;  // sRGB colour, linear alpha
     float metallic = 1;
     float roughness = 1;                    // perceptual: GGX alpha = roughness^2
     TextureRef metallic_roughness_texture;  // G roughness, B metallic
+    Anisotropy anisotropy;
+    DiffuseTransmission diffuse_transmission;
   };
   struct Emission {
     Vec3 radiance = {0, 0, 0};  // emissive_strength multiplied in
@@ -106,19 +121,6 @@ struct Material {
     float roughness = 0;           // perceptual: sheen alpha = roughness^2
     TextureRef roughness_texture;  // A
   };
-  /// KHR_materials_anisotropy: one direction of the base's microfacets is rougher.
-  struct Anisotropy {
-    float strength = 0;
-    Vec2 direction = {1, 0};  // of the greater roughness, along tangent and bitangent; turns the texture's
-    TextureRef texture;       // R and G direction, B strength
-  };
-  /// KHR_materials_diffuse_transmission: the part of the diffuse base's light that leaves on the other side.
-  struct DiffuseTransmission {
-    float factor = 0;
-    TextureRef factor_texture;  // A
-    Vec3 color = {1, 1, 1};     // in place of the base colour
-    TextureRef color_texture;   // sRGB
-  };
   /// KHR_materials_iridescence: a film about as thin as a wavelength of light.
   struct Iridescence {
     float factor = 0;
@@ -133,6 +135,7 @@ struct Material {
     bool is_solid = false;  // thickness > 0: refracts; else thin
     Vec3 attenuation_color = {1, 1, 1};
     float attenuation_distance = 0;  // metres; 0: infinite
+    float dispersion = 0;  // KHR_materials_dispersion: 20 over the Abbe number of solid glass, else 0
   };
 
   std::string name;
@@ -148,8 +151,6 @@ struct Material {
   Transmission transmission;
   Clearcoat clearcoat;
   Sheen sheen;
-  Anisotropy anisotropy;
-  DiffuseTransmission diffuse_transmission;
   Iridescence iridescence;
   Volume volume;
 };

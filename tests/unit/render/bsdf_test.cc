@@ -76,20 +76,20 @@ SurfaceMaterial Cloth(float sheen_roughness) {
 }
 
 SurfaceMaterial Brushed(SurfaceMaterial m, float strength) {
-  m.anisotropy = Vec3{0.6f, 0.8f, 0} * strength;
+  m.rare.anisotropy = Vec3{0.6f, 0.8f, 0} * strength;
   return m;
 }
 
 SurfaceMaterial Leaf(float roughness) {
   SurfaceMaterial m = Plastic(roughness);
-  m.diffuse_transmission = 0.6f;
-  m.diffuse_transmission_color = {0.3f, 0.9f, 0.2f};
+  m.rare.diffuse_transmission = 0.6f;
+  m.rare.diffuse_transmission_color = {0.3f, 0.9f, 0.2f};
   return m;
 }
 
 SurfaceMaterial Filmed(SurfaceMaterial m, float thickness_nm) {
-  m.iridescence = 0.9f;
-  m.film_thickness_nm = thickness_nm;
+  m.rare.iridescence = 0.9f;
+  m.rare.film_thickness_nm = thickness_nm;
   return m;
 }
 
@@ -144,7 +144,7 @@ template <typename F>
 double IntegrateDirections(const SurfaceMaterial& material, const F& f) {
   constexpr int kCosines = 300;
   constexpr int kAngles = 300;
-  const bool transmits = material.transmission > 0 || material.diffuse_transmission > 0;
+  const bool transmits = material.transmission > 0 || material.rare.diffuse_transmission > 0;
   const int lowest = transmits ? -kCosines : 0;
   double sum = 0;
   for (int i = lowest; i < kCosines; ++i) {
@@ -272,10 +272,10 @@ TEST(Bsdf, WhiteFurnaceHolds) {
     whites.push_back({"metal, glass and plastic", mixed});
     for (auto& [name, material] : whites) {
       material.base_color = {1, 1, 1};
-      material.diffuse_transmission_color = {1, 1, 1};
+      material.rare.diffuse_transmission_color = {1, 1, 1};
       material.sheen_color = MaxComponent(material.sheen_color) > 0 ? Vec3{1, 1, 1} : Vec3{0, 0, 0};
       material.coat_normal = kUp;
-      const double tolerance = LengthSquared(material.anisotropy) > 0 ? 0.02 : 0.01;
+      const double tolerance = LengthSquared(material.rare.anisotropy) > 0 ? 0.02 : 0.01;
       for (const double cosine : {0.99, 0.7, 0.4, 0.2}) {
         EXPECT_NEAR(SampledAlbedo(Make(material, DirectionAt(cosine, 0.4))), 1, tolerance)
             << name << " roughness " << roughness << " cosine " << cosine;
@@ -303,7 +303,7 @@ TEST(Bsdf, FilmsDoNotCreateLight) {
       for (const double cosine : {0.99, 0.6, 0.25}) {
         SurfaceMaterial plastic = Filmed(Plastic(roughness), thickness);
         plastic.base_color = {1, 1, 1};
-        plastic.iridescence = 1;
+        plastic.rare.iridescence = 1;
         const Bsdf bsdf = Make(plastic, DirectionAt(cosine, 0.4));
         Vec3 sum;
         constexpr uint32_t kSamples = 1 << 13;
@@ -321,16 +321,16 @@ TEST(Bsdf, FilmsDoNotCreateLight) {
 TEST(Bsdf, SmoothFilmsHaveTheFilmsReflectance) {
   const Vec3 wo = DirectionAt(0.6, 1);
   SurfaceMaterial metal = Filmed(Metal(0), 350);
-  metal.iridescence = 1;
-  const Vec3 expected = ThinFilm(350, metal.film_ior, 1, metal.base_color).Reflectance(wo.z);
+  metal.rare.iridescence = 1;
+  const Vec3 expected = ThinFilm(350, metal.rare.film_ior, 1, metal.base_color).Reflectance(wo.z);
   const Vec3 got = Make(metal, wo).DeltaReflection().weight.non_diffuse;
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(got[i], expected[i], 1e-6f);
   EXPECT_GT(Length(got - Make(Metal(0), wo).DeltaReflection().weight.non_diffuse), 0.1f);
   // A soap bubble: the film is all there is between air and air.
   SurfaceMaterial bubble = Filmed(Glass(0, true, false), 350);
-  bubble.iridescence = 1;
+  bubble.rare.iridescence = 1;
   bubble.ior = 1;
-  const Vec3 film = ThinFilm(350, bubble.film_ior, 1, {0, 0, 0}).Reflectance(wo.z);
+  const Vec3 film = ThinFilm(350, bubble.rare.film_ior, 1, {0, 0, 0}).Reflectance(wo.z);
   const Bsdf bsdf = Make(bubble, wo);
   for (int i = 0; i < 3; ++i) {
     EXPECT_NEAR(bsdf.DeltaReflection().weight.non_diffuse[i], film[i], 1e-6f);
@@ -350,7 +350,7 @@ TEST(Bsdf, LeavesReflectAndTransmitLikeLambert) {
       EXPECT_NEAR(Total(bsdf, bsdf.Evaluate(DirectionAt(cosine, 2), &pdf))[i],
                   0.4f * leaf.base_color[i] * lambert, 1e-6f);
       EXPECT_NEAR(Total(bsdf, bsdf.Evaluate(-DirectionAt(cosine, 2), &pdf))[i],
-                  0.6f * leaf.diffuse_transmission_color[i] * lambert, 1e-6f);
+                  0.6f * leaf.rare.diffuse_transmission_color[i] * lambert, 1e-6f);
     }
   }
   EXPECT_EQ(Make(leaf, DirectionAt(0.6, 1)).ReflectionAlpha(), 1);
@@ -367,7 +367,7 @@ TEST(Bsdf, GlossyAlbedoIsTheIntegralOfItsLobes) {
       });
       const auto albedo = static_cast<double>(bsdf.GlossyAlbedo()[channel]);
       EXPECT_GT(albedo, 0) << name;
-      const double of_angles = material.iridescence > 0 ? 0.01 : 0;  // a film's S is that at one angle
+      const double of_angles = material.rare.iridescence > 0 ? 0.01 : 0;  // a film's S is that at one angle
       EXPECT_NEAR(albedo, integral, 0.3 * integral + of_angles) << name;
     }
   }

@@ -54,12 +54,13 @@ Material RandomMaterial(Factors* next, scene::Scene* scene) {
   m.transmission.factor = next->Next();
   m.ior = 1.0f + 0.5f * next->Next();
   m.volume.is_solid = next->Next() > 0.5f;
+  m.volume.dispersion = m.volume.is_solid && m.transmission.factor > 0 ? next->Next() : 0.0f;
   m.clearcoat.factor = next->Next();
   m.clearcoat.roughness = next->Next();
   m.sheen.color = Vec3{1, 1, 1} * (next->Next() > 0.5f ? 1.0f : 0.0f);
   m.sheen.roughness = next->Next();
-  m.anisotropy.strength = next->Next();
-  m.diffuse_transmission.factor = next->Next();
+  m.base.anisotropy.strength = next->Next();
+  m.base.diffuse_transmission.factor = next->Next();
   m.iridescence.factor = next->Next();
   m.unlit = next->Next() * next->Next() * next->Next() == 1;
   return m;
@@ -84,7 +85,7 @@ TEST(Lobes, NoLobeOfABsdfIsMissing) {
         surface.material = &material;
         surface.front = front;
         surface.coat_normal = {0, 0, 1};
-        surface.anisotropy = Vec3{0.6f, 0.8f, 0} * material.anisotropy.strength;
+        surface.anisotropy = Vec3{0.6f, 0.8f, 0} * material.base.anisotropy.strength;
         const SurfaceMaterial values = reader.Shade(surface);
         const Bsdf bsdf(values, table, {0, 0, 1}, {0, 0, 1}, {std::sqrt(1.0f - cosine * cosine), 0, cosine});
         EXPECT_LE(bsdf.HasDiffuse(), lobes.diffuse) << i;

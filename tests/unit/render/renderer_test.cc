@@ -95,11 +95,11 @@ TEST(Renderer, DirectLightOfAQuadMatchesTheClosedForm) {
 
 TEST(Renderer, BackLitLeavesMatchTheClosedForm) {
   scene::Material leaf = testing::Lambert({0.5f, 0.5f, 0.5f});
-  leaf.diffuse_transmission.factor = 0.75f;
-  leaf.diffuse_transmission.color = {0.1f, 0.8f, 0.2f};
+  leaf.base.diffuse_transmission.factor = 0.75f;
+  leaf.base.diffuse_transmission.color = {0.1f, 0.8f, 0.2f};
   const LayeredImage below = PatchUnderALight(leaf, false);
   for (int channel = 0; channel < 3; ++channel) {
-    const double expected = 0.75 * double{leaf.diffuse_transmission.color[channel]} * LightOnThePatch();
+    const double expected = 0.75 * double{leaf.base.diffuse_transmission.color[channel]} * LightOnThePatch();
     EXPECT_NEAR(MeanOf(below, layers::kNoisy, channel), expected, 3e-3) << channel;
   }
   EXPECT_EQ(MeanOf(below, layers::kDirect), 0);

@@ -95,15 +95,15 @@ TEST(Surface, TurnsItsAnisotropyFromTheTangent) {
       Scene scene = TriangleFrom(0);
       scene.meshes[0].normals.assign(3, {0, 0, 1});
       scene.meshes[0].tangents.assign(3, {0, 1, 0, handedness});
-      scene.materials[0].anisotropy.strength = 0.5f;
-      scene.materials[0].anisotropy.direction = {0.6f, 0.8f};
+      scene.materials[0].base.anisotropy.strength = 0.5f;
+      scene.materials[0].base.anisotropy.direction = {0.6f, 0.8f};
       const auto read = [&] {
         const TextureSampler textures(scene);
         const SurfaceReader reader(scene, textures);
         Ray ray;
         ray.direction = {0, 0, front ? -1.0f : 1.0f};
         const Surface surface = reader.Read(HitOf(0, kWeights), ray);
-        EXPECT_EQ(reader.Shade(surface).anisotropy, surface.anisotropy);
+        EXPECT_EQ(reader.Shade(surface).rare.anisotropy, surface.anisotropy);
         return surface.anisotropy;
       };
       // The bitangent is -X, on either side.
@@ -111,7 +111,7 @@ TEST(Surface, TurnsItsAnisotropyFromTheTangent) {
       // The texture's direction is its bitangent, and it has two thirds of the strength.
       scene.images = {std::make_shared<const scene::ImageData>(scene::ImageData{1, 1, {128, 255, 170, 255}})};
       scene.textures = {{.image = 0}};
-      scene.materials[0].anisotropy.texture.texture = 0;
+      scene.materials[0].base.anisotropy.texture.texture = 0;
       EXPECT_NEAR(Length(read() - Vec3{-0.6f * handedness, -0.8f, 0} * (1.0f / 3)), 0, 3e-3f);
       scene.meshes[0].tangents.clear();
       EXPECT_EQ(read(), (Vec3{0, 0, 0}));
@@ -123,7 +123,7 @@ TEST(Surface, ReadsDiffuseTransmissionFromItsTextures) {
   Scene scene = TriangleFrom(0);
   scene.images = {std::make_shared<const scene::ImageData>(scene::ImageData{1, 1, {255, 0, 255, 51}})};
   scene.textures = {{.image = 0}};
-  auto& transmission = scene.materials[0].diffuse_transmission;
+  auto& transmission = scene.materials[0].base.diffuse_transmission;
   transmission.factor = 0.5f;
   transmission.color = {0.5f, 1, 0.25f};
   transmission.factor_texture.texture = transmission.color_texture.texture = 0;
@@ -132,8 +132,8 @@ TEST(Surface, ReadsDiffuseTransmissionFromItsTextures) {
   Ray ray;
   ray.direction = {0, 0, -1};
   const SurfaceMaterial values = reader.Shade(reader.Read(HitOf(0, kWeights), ray));
-  EXPECT_NEAR(values.diffuse_transmission, 0.1f, 1e-6f);
-  ExpectNear(values.diffuse_transmission_color, {0.5f, 0, 0.25f});
+  EXPECT_NEAR(values.rare.diffuse_transmission, 0.1f, 1e-6f);
+  ExpectNear(values.rare.diffuse_transmission_color, {0.5f, 0, 0.25f});
 }
 
 TEST(Surface, ReadsFilmsFromTheirTextures) {
@@ -150,16 +150,16 @@ TEST(Surface, ReadsFilmsFromTheirTextures) {
     ray.direction = {0, 0, -1};
     return reader.Shade(reader.Read(HitOf(0, kWeights), ray));
   };
-  EXPECT_EQ(read().film_thickness_nm, 500);
-  EXPECT_EQ(read().film_ior, 1.7f);
-  EXPECT_EQ(read().iridescence, 0.5f);
+  EXPECT_EQ(read().rare.film_thickness_nm, 500);
+  EXPECT_EQ(read().rare.film_ior, 1.7f);
+  EXPECT_EQ(read().rare.iridescence, 0.5f);
   scene.images = {std::make_shared<const scene::ImageData>(scene::ImageData{1, 1, {204, 51, 0, 0}})};
   scene.textures = {{.image = 0}};
   film.factor_texture.texture = film.thickness_texture.texture = 0;
-  EXPECT_NEAR(read().film_thickness_nm, 100, 1e-3f);
-  EXPECT_NEAR(read().iridescence, 0.4f, 1e-6f);
+  EXPECT_NEAR(read().rare.film_thickness_nm, 100, 1e-3f);
+  EXPECT_NEAR(read().rare.iridescence, 0.4f, 1e-6f);
   scene.images = {std::make_shared<const scene::ImageData>(scene::ImageData{1, 1, {204, 0, 0, 0}})};
-  EXPECT_EQ(read().iridescence, 0) << "no thickness, no film";
+  EXPECT_EQ(read().rare.iridescence, 0) << "no thickness, no film";
 }
 
 TEST(Surface, OneCornersNormalMakesATriangleSmooth) {

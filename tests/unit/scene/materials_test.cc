@@ -306,11 +306,11 @@ TEST(Materials, ReadAnisotropy) {
                                     {{"anisotropyStrength", 0.75},
                                      {"anisotropyRotation", 0.5},
                                      {"anisotropyTexture", {{"index", 0}, {"texCoord", 1}}}}}}}});
-  EXPECT_EQ(m.anisotropy.strength, 0.75f);
-  EXPECT_NEAR(m.anisotropy.direction.x, std::cos(0.5f), 1e-6f);
-  EXPECT_NEAR(m.anisotropy.direction.y, std::sin(0.5f), 1e-6f);
-  EXPECT_EQ(m.anisotropy.texture.texture, 0);
-  EXPECT_EQ(m.anisotropy.texture.uv_set, 1);
+  EXPECT_EQ(m.base.anisotropy.strength, 0.75f);
+  EXPECT_NEAR(m.base.anisotropy.direction.x, std::cos(0.5f), 1e-6f);
+  EXPECT_NEAR(m.base.anisotropy.direction.y, std::sin(0.5f), 1e-6f);
+  EXPECT_EQ(m.base.anisotropy.texture.texture, 0);
+  EXPECT_EQ(m.base.anisotropy.texture.uv_set, 1);
 }
 
 TEST(Materials, ReadDiffuseTransmission) {
@@ -321,11 +321,11 @@ TEST(Materials, ReadDiffuseTransmission) {
                       {"diffuseTransmissionTexture", {{"index", 0}}},
                       {"diffuseTransmissionColorFactor", {1, 0.5, 0.25}},
                       {"diffuseTransmissionColorTexture", {{"index", 0}, {"texCoord", 1}}}}}}}});
-  EXPECT_EQ(m.diffuse_transmission.factor, 0.25f);
-  EXPECT_EQ(m.diffuse_transmission.factor_texture.texture, 0);
-  EXPECT_EQ(m.diffuse_transmission.color, (Vec3{1, 0.5f, 0.25f}));
-  EXPECT_EQ(m.diffuse_transmission.color_texture.texture, 0);
-  EXPECT_EQ(m.diffuse_transmission.color_texture.uv_set, 1);
+  EXPECT_EQ(m.base.diffuse_transmission.factor, 0.25f);
+  EXPECT_EQ(m.base.diffuse_transmission.factor_texture.texture, 0);
+  EXPECT_EQ(m.base.diffuse_transmission.color, (Vec3{1, 0.5f, 0.25f}));
+  EXPECT_EQ(m.base.diffuse_transmission.color_texture.texture, 0);
+  EXPECT_EQ(m.base.diffuse_transmission.color_texture.uv_set, 1);
 }
 
 TEST(Materials, ReadIridescence) {
@@ -343,6 +343,18 @@ TEST(Materials, ReadIridescence) {
   EXPECT_EQ(m.iridescence.min_thickness_nm, 200);
   EXPECT_EQ(m.iridescence.max_thickness_nm, 800);
   EXPECT_EQ(m.iridescence.thickness_texture.uv_set, 1);
+}
+
+TEST(Materials, OnlySolidGlassDisperses) {
+  json extensions = {{"KHR_materials_dispersion", {{"dispersion", 0.5}}},
+                     {"KHR_materials_transmission", {{"transmissionFactor", 1}}},
+                     {"KHR_materials_volume", {{"thicknessFactor", 1}}}};
+  EXPECT_EQ(MaterialOf({{"extensions", extensions}}).volume.dispersion, 0.5f);
+  extensions["KHR_materials_volume"]["thicknessFactor"] = 0;
+  EXPECT_EQ(MaterialOf({{"extensions", extensions}}).volume.dispersion, 0);
+  extensions.erase("KHR_materials_transmission");
+  extensions["KHR_materials_volume"]["thicknessFactor"] = 1;
+  EXPECT_EQ(MaterialOf({{"extensions", extensions}}).volume.dispersion, 0);
 }
 
 TEST(Materials, ReadTexturesOfExtensions) {

@@ -262,7 +262,7 @@ AlbedoTable::Contents AlbedoContentsOf(const scene::Scene& scene) {
   for (const scene::Material& material : scene.materials) {
     if (material.unlit) continue;
     contents.sheen |= MaxComponent(material.sheen.color) > 0;
-    contents.anisotropic |= material.anisotropy.strength > 0;
+    contents.anisotropic |= material.base.anisotropy.strength > 0;
     if (material.transmission.factor > 0 && material.volume.is_solid && material.base.roughness > 0)
       contents.glass_iors.push_back(material.ior);
   }

@@ -33,8 +33,8 @@ class AlbedoTable {
 
   /// cos_o in [0, 1], alpha in [0, 1].
   DirectionalAlbedo Lookup(float cos_o, float alpha) const;
-  /// wo is unit, in the shading frame. If alpha is anisotropic, Contents::anisotropic must be set, and alpha.x
-  /// be the greater one.
+  /// wo is unit, in the shading frame. If alpha is anisotropic, Contents::anisotropic must be set, and
+  /// alpha.x be the greater one.
   DirectionalAlbedo Lookup(Vec3 wo, GgxAlpha alpha) const {
     return alpha.IsIsotropic() ? Lookup(wo.z, alpha.x) : LookupAnisotropic(wo, alpha);
   }

@@ -68,15 +68,15 @@ float CoatFresnel(float coat, float cos_h) {
 }  // namespace
 
 bool SurfaceMaterial::IsBaseOnly() const {
-  if (transmission > 0 || diffuse_transmission > 0 || clearcoat > 0 || MaxComponent(sheen_color) > 0 ||
-      LengthSquared(anisotropy) > 0 || iridescence > 0)
+  if (transmission > 0 || rare.diffuse_transmission > 0 || clearcoat > 0 || MaxComponent(sheen_color) > 0 ||
+      LengthSquared(rare.anisotropy) > 0 || rare.iridescence > 0)
     return false;
   return roughness * roughness >= kDeltaAlpha || IsDiffuseOnly();
 }
 
 GgxAlpha SurfaceMaterial::Alpha() const {
   const float least = roughness * roughness;
-  const float strength2 = std::min(LengthSquared(anisotropy), 1.0f);
+  const float strength2 = std::min(LengthSquared(rare.anisotropy), 1.0f);
   if (strength2 <= 0) return GgxAlpha(least);
   const float across = std::max(least, kDeltaAlpha);
   return {across + (1.0f - across) * strength2, across};
@@ -99,7 +99,7 @@ BaseMaterial::BaseMaterial(const SurfaceMaterial& material, const AlbedoTable& t
 }
 
 Bsdf::Bsdf(const SurfaceMaterial& material, const AlbedoTable& table, Vec3 normal, Vec3 geometric, Vec3 wo)
-    : table_(&table), frame_(normal, material.anisotropy), geometric_(geometric) {
+    : table_(&table), frame_(normal, material.rare.anisotropy), geometric_(geometric) {
   if (material.IsDiffuseOnly()) {
     diffuse_albedo_ = material.base_color;
     p_.diffuse = MaxComponent(diffuse_albedo_) > 0 ? 1.0f : 0.0f;
@@ -155,23 +155,24 @@ void Bsdf::AddBase(const SurfaceMaterial& material) {
   }
   facets_.albedo = facets_.mirror ? SchlickFresnel(facets_.f0, facets_.f90, wo_.z)
                                   : facets_.f0 * seen.scale + facets_.f90 * seen.bias;
-  if (material.iridescence > 0) dielectric_albedo = AddFilm(material, base, seen, dielectric_albedo);
+  if (material.rare.iridescence > 0) dielectric_albedo = AddFilm(material, base, seen, dielectric_albedo);
   const float passed = base.base_weight * (1.0f - dielectric_albedo);
-  diffuse_albedo_ = material.base_color * (passed * (1.0f - material.diffuse_transmission));
-  transmitted_albedo_ = material.diffuse_transmission_color * (passed * material.diffuse_transmission);
+  diffuse_albedo_ = material.base_color * (passed * (1.0f - material.rare.diffuse_transmission));
+  transmitted_albedo_ =
+      material.rare.diffuse_transmission_color * (passed * material.rare.diffuse_transmission);
   if (base.metallic > 0 && !facets_.mirror) CompensateMetal(material, seen);
 }
 
 /// Adds the film to metal and dielectric layer, whose albedo without it is known. Returns the dielectric
-/// layer's albedo in the channel that it reflects most of. A film is seen at many angles at once; its albedo is
-/// taken as that at the angle for which Schlick's Fresnel would have its own albedo exactly.
+/// layer's albedo in the channel that it reflects most of. A film is seen at many angles at once; its albedo
+/// is taken as that at the angle for which Schlick's Fresnel would have its own albedo exactly.
 float Bsdf::AddFilm(const SurfaceMaterial& material, const BaseMaterial& base, DirectionalAlbedo seen,
                     float dielectric_albedo) {
   const float outside_ior = 1.0f + (kCoatIor - 1.0f) * material.clearcoat;
   const auto film_on = [&](Vec3 f0) {
-    return ThinFilm(material.film_thickness_nm, material.film_ior, outside_ior, f0);
+    return ThinFilm(material.rare.film_thickness_nm, material.rare.film_ior, outside_ior, f0);
   };
-  film_.weight = material.iridescence;
+  film_.weight = material.rare.iridescence;
   film_.on_dielectric = film_on(DielectricF0(material));
   film_.on_metal = film_on(material.base_color);
   film_.dielectric = base.dielectric_f90 * base.base_weight;
@@ -229,6 +230,7 @@ void Bsdf::AddGlass(const SurfaceMaterial& material, float share) {
   float cos_t = 0;
   const float reflected = DielectricFresnel(wo_.z, glass_.eta, &cos_t);
   facets_.albedo += (Vec3{reflected, reflected, reflected} + glass_.tint * (1.0f - reflected)) * whole;
+  glass_.tint *= material.rare.refraction_weight;
 }
 
 void Bsdf::ChooseProbabilities() {

@@ -10,18 +10,23 @@ namespace lumifold::render {
 
 /// A material's values at one point, with textures applied.
 struct SurfaceMaterial {
+  /// What few materials have.
+  struct Rare {
+    Vec3 anisotropy = {0, 0, 0};  // direction of the greater roughness, as long as it is strong
+    float iridescence = 0;        // weight of the film
+    float film_ior = 1.3f;
+    float film_thickness_nm = 0;
+    float diffuse_transmission = 0;  // part of the diffuse base's light
+    Vec3 diffuse_transmission_color = {1, 1, 1};
+    float dispersion = 0;                // of scene::Material; the BSDF itself has one index
+    Vec3 refraction_weight = {1, 1, 1};  // of refracted light: Wavelength::weight
+  };
   Vec3 base_color = {1, 1, 1};
   float metallic = 0;
   float roughness = 1;
   float ior = 1.5f;
   float specular = 1;  // factor of KHR_materials_specular
   Vec3 specular_color = {1, 1, 1};
-  Vec3 anisotropy = {0, 0, 0};  // direction of the greater roughness, as long as it is strong
-  float iridescence = 0;        // weight of the film
-  float film_ior = 1.3f;
-  float film_thickness_nm = 0;
-  float diffuse_transmission = 0;  // part of the diffuse base's light
-  Vec3 diffuse_transmission_color = {1, 1, 1};
   float transmission = 0;
   bool thin = true;     // transmits without refraction, like a pane
   bool inside = false;  // the ray comes from inside the volume
@@ -30,13 +35,14 @@ struct SurfaceMaterial {
   float clearcoat = 0;
   float clearcoat_roughness = 0;
   Vec3 coat_normal = {0, 0, 1};  // the coat's own shading normal, unit, on the viewer's side
+  Rare rare;
 
   /// Whether there are no lobes but the diffuse one and rough reflection by metal and dielectric layer.
   bool IsBaseOnly() const;
-  /// Of the microfacets of metal, dielectric layer and glass; x is the direction of `anisotropy`.
+  /// Of the microfacets of metal, dielectric layer and glass; x is the direction of the anisotropy.
   GgxAlpha Alpha() const;
   bool IsDiffuseOnly() const {
-    return metallic <= 0 && specular <= 0 && transmission <= 0 && diffuse_transmission <= 0 &&
+    return metallic <= 0 && specular <= 0 && transmission <= 0 && rare.diffuse_transmission <= 0 &&
            clearcoat <= 0 && MaxComponent(sheen_color) <= 0;
   }
 };
@@ -80,14 +86,14 @@ struct BsdfSample {
   bool straight = false;  // a delta event through a clear pane: wi = -wo
 };
 
-/// Scattering at one surface point towards `wo`. Lobes are diffuse, glossy (rough reflection, rough
-/// transmission, sheen, diffuse transmission) or delta (perfectly smooth boundaries). Layers from the outside in: a clear coat; a
-/// sheen; a mixture of metal, of a diffuse base of albedo T under a dielectric GGX layer, and of glass.
+/// Scattering at one surface point towards `wo`. Lobes are diffuse, glossy (rough reflection, rough or
+/// diffuse transmission, sheen) or delta (perfectly smooth boundaries). Layers from the outside in: a clear
+/// coat; a sheen; a mixture of metal, of a diffuse base of albedo T under a dielectric GGX layer, and glass.
 /// Each layer passes the fraction 1 - A(wo) of the light to the layers below, with A its directional albedo.
 /// The diffuse lobe is T * (1 - A(wi)) / (1 - mean A) * cos / pi under the dielectric layer, which makes the
-/// two reciprocal; the diffuse transmission is the same on the other side, in its own colour. Metal and glass compensate for the energy that single scattering loses between
-/// microfacets. All layers conserve energy; coat, sheen, metal and glass are not reciprocal, nor are
-/// anisotropic layers.
+/// two reciprocal; the diffuse transmission is the same on the other side, in its own colour. Metal and glass
+/// compensate for the energy that single scattering loses between microfacets. All layers conserve energy;
+/// coat, sheen, metal, glass and anisotropic layers are not reciprocal.
 /// Inside solid glass, paths carry radiance over the squared index of the medium, which no boundary changes:
 /// after a path has left the glass it carries radiance again.
 /// Sources: glTF 2.0 appendix B and the KHR_materials extensions (parameters and layers); Kelemen &

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "worker/render/materials/dispersion.h"
 #include "worker/render/materials/microfacet.h"
 
 namespace lumifold::render {
@@ -26,12 +27,13 @@ LobeSet LobesOf(const scene::Material& m, TextureRanges* ranges) {
   const ValueRange transmission = ranges->Of(m.transmission.texture, 0) * m.transmission.factor;
   const ValueRange specular = ranges->Of(m.specular.factor_texture, 3) * m.specular.factor;
   lobes.diffuse = metallic.min < 1 && transmission.min < 1 && MaxComponent(m.base.color) > 0;
-  lobes.glossy = m.diffuse_transmission.factor > 0;
+  lobes.glossy = m.base.diffuse_transmission.factor > 0;
   if (metallic.max > 0 || transmission.max > 0 || specular.max > 0) {
     AddBoundary(ranges->Of(m.base.metallic_roughness_texture, 1) * m.base.roughness, &lobes);
-    lobes.glossy |= m.anisotropy.strength > 0;  // where there are tangents
+    lobes.glossy |= m.base.anisotropy.strength > 0;  // where there are tangents
   }
-  if (transmission.max > 0 && m.volume.is_solid && std::abs(m.ior - 1.0f) < kMinIorDifference)
+  const float least_ior = DispersedIor(m.ior, m.volume.dispersion, -kMaxShift);
+  if (transmission.max > 0 && m.volume.is_solid && std::abs(least_ior - 1.0f) < kMinIorDifference)
     lobes.delta = true;
   if ((ranges->Of(m.clearcoat.factor_texture, 0) * m.clearcoat.factor).max > 0)
     AddBoundary(ranges->Of(m.clearcoat.roughness_texture, 1) * m.clearcoat.roughness, &lobes);

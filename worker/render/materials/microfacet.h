@@ -4,9 +4,9 @@
 
 #include "worker/render/sampling/frame.h"
 
-/// The GGX microfacet distribution with Smith's height-correlated masking. Directions are unit, in the shading
-/// frame (z = normal), both on the upper side. Sources: Walter et al. 2007; Heitz 2014 (masking, anisotropy);
-/// Heitz 2018 (sampling of visible normals).
+/// The GGX microfacet distribution with Smith's height-correlated masking. Directions are unit, in the
+/// shading frame (z = normal), both on the upper side. Sources: Walter et al. 2007; Heitz 2014 (masking,
+/// anisotropy); Heitz 2018 (sampling of visible normals).
 namespace lumifold::render {
 
 /// Below this alpha a lobe is a delta lobe: float directions do not resolve so narrow a highlight well.

@@ -18,9 +18,9 @@ float BetweenIors(float a, float b) {
 
 float Schlick(float f0, float cosine) { return SchlickFresnel({f0, 0, 0}, {1, 0, 0}, cosine).x; }
 
-/// The Fourier transform of the CIE 1931 colour matching functions at an optical path difference in metres, as
-/// linear Rec. 709 of light of equal energy. The functions are sums of Gaussians of the wave number; height,
-/// place and spread are the paper's fit.
+/// The Fourier transform of the CIE 1931 colour matching functions at an optical path difference in metres,
+/// as linear Rec. 709 of light of equal energy. The functions are sums of Gaussians of the wave number;
+/// height, place and spread are the paper's fit.
 Vec3 Sensitivity(float path) {
   constexpr float kFullyDamped = 3e-4f;  // no Gaussian is left
   const float phase = std::min(2 * kPi * path, kFullyDamped);

@@ -12,8 +12,8 @@ namespace lumifold::render {
 class ThinFilm {
  public:
   ThinFilm() = default;
-  /// thickness_nm: nanometres. outside_ior: of a coat above the film, else 1. base_f0: reflectance of the bare
-  /// surface in air at normal incidence.
+  /// thickness_nm: nanometres. outside_ior: of a coat above the film, else 1. base_f0: reflectance of the
+  /// bare surface in air at normal incidence.
   ThinFilm(float thickness_nm, float film_ior, float outside_ior, Vec3 base_f0);
 
   /// In [0, 1]; `cosine` is that of the angle of incidence in air.

@@ -16,6 +16,8 @@ namespace lumifold::render {
 inline constexpr uint32_t kCameraPair = 0;
 /// The dimension pair that places it on the lens: above all pairs that its path uses.
 inline constexpr uint32_t kLensPair = 1u << 20;
+/// The dimension pair that chooses its wavelength, if glass disperses it.
+inline constexpr uint32_t kWavelengthPair = kLensPair + 1;
 /// First dimension pair of the transmission branch of a sample: above all pairs that the other branch uses.
 inline constexpr uint32_t kTransmissionPairs = 1u << 16;
 
@@ -49,6 +51,8 @@ class PathSampler {
       out->scramble[pair][lane] = seeds.scramble;
     }
   }
+  /// The random number of the path's wavelength.
+  float ForWavelength() const { return sampler_->Get2D(kWavelengthPair).x; }
   /// Random key of the ray that leaves path vertex number `vertex`.
   uint64_t Key(int vertex) const { return sampler_->Key(PairOf(vertex, kDirection)); }
 
@@ -100,11 +104,12 @@ struct IncidentRadiance {
   bool has_scattered = false;  // the path, since the part began
 };
 
-/// What is wanted of a path.
+/// What is wanted of a path, and what its light is.
 struct PathOptions {
   int levels = 0;               // that are kept apart
   bool is_recorded = false;     // no Russian roulette
   bool is_single = false;       // at smooth glass, too, one delta event is sampled
+  bool is_dispersed = false;    // its light is of one wavelength
   bool is_direct_only = false;  // of the first surface's diffuse light only the direct part
 };
 
@@ -126,7 +131,10 @@ struct Path : PathRecord {
       : ray(camera_ray), random(sampler), options{.levels = levels}, out(sample) {}
 
   /// Continues behind a clear pane.
-  void Pass(const Surface& pane, const BsdfSample& step) { pane.SpawnRay(step, random.Key(vertex++), &ray); }
+  void Pass(const Surface& pane, const BsdfSample& step) {
+    if (step.transmitted && pane.material->volume.dispersion > 0) options.is_dispersed = true;
+    pane.SpawnRay(step, random.Key(vertex++), &ray);
+  }
   /// Scatters at a surface.
   void Leave(const Surface& surface, const BsdfSample& step) {
     Pass(surface, step);

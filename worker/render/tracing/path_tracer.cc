@@ -11,6 +11,7 @@
 
 #include "filter/image/color.h"
 #include "filter/image/portable_math.h"
+#include "worker/render/materials/dispersion.h"
 #include "worker/render/materials/lobes.h"
 #include "worker/render/tracing/path_stream.h"
 
@@ -114,6 +115,16 @@ Bsdf PathTracer::MakeBsdf(const Surface& surface, Vec3 wo) const {
   if (surface.values != nullptr)
     return {*surface.values, albedo_table_, surface.normal, surface.geometric, wo};
   return {surfaces_.Shade(surface), albedo_table_, surface.normal, surface.geometric, wo};
+}
+
+Bsdf PathTracer::BsdfOnPath(const Surface& surface, const SurfaceMaterial& material, const Path& path) const {
+  const Vec3 wo = -path.ray.direction;
+  if (material.rare.dispersion <= 0) return {material, albedo_table_, surface.normal, surface.geometric, wo};
+  const Wavelength wavelength = Wavelength::Sample(path.random.ForWavelength());
+  SurfaceMaterial dispersed = material;
+  dispersed.ior = DispersedIor(material.ior, material.rare.dispersion, wavelength.shift);
+  if (!path.options.is_dispersed) dispersed.rare.refraction_weight = wavelength.weight;
+  return {dispersed, albedo_table_, surface.normal, surface.geometric, wo};
 }
 
 float PathTracer::HitWeight(float bsdf_pdf, float light_pdf) const {
@@ -259,7 +270,7 @@ Roulette PathTracer::RouletteAt(const Path& path) const {
 bool PathTracer::Scatter(const Hit& hit, const Surface& surface, const SurfaceMaterial& material,
                          const VertexNumbers& random, Path* path, Connection* connection,
                          std::vector<Path>* branches) const {
-  const Bsdf bsdf(material, albedo_table_, surface.normal, surface.geometric, -path->ray.direction);
+  const Bsdf bsdf = BsdfOnPath(surface, material, *path);
   const bool is_seen = path->part == PathPart::kSeen;
   if (is_seen) {
     OpenSeen(hit, surface,

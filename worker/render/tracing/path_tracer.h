@@ -139,6 +139,8 @@ class PathTracer {
   Vec3 FirstTransmittance(const Surface& surface, const Hit& hit) const;
   CaughtShadow ShadowOn(const Surface& catcher, const Sampler& sampler) const;
   Bsdf MakeBsdf(const Surface& surface, Vec3 wo) const;
+  /// The same where a path may be of one wavelength.
+  Bsdf BsdfOnPath(const Surface& surface, const SurfaceMaterial& material, const Path& path) const;
   /// How a path goes on from a vertex that it was at with this probability of survival. Returns whether it
   /// does.
   bool TakeStep(const Surface& surface, Vec3 diffuse_albedo, const BsdfSample& step, float survival,

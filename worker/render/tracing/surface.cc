@@ -42,7 +42,7 @@ bool HasTextures(const scene::Material& material) {
 SurfaceReader::Kind KindOfMaterial(const scene::Material& m) {
   using Kind = SurfaceReader::Kind;
   if (m.transmission.factor > 0 || m.clearcoat.factor > 0 || MaxComponent(m.sheen.color) > 0 ||
-      m.anisotropy.strength > 0 || m.diffuse_transmission.factor > 0 || m.iridescence.factor > 0)
+      m.base.anisotropy.strength > 0 || m.base.diffuse_transmission.factor > 0 || m.iridescence.factor > 0)
     return Kind::kRare;
   return m.base.metallic > 0 || m.specular.factor > 0 ? Kind::kBase : Kind::kDiffuse;
 }
@@ -99,7 +99,7 @@ SurfaceReader::InstanceData SurfaceReader::DataOf(const scene::Scene& scene, siz
   data.is_emissive = data.material->unlit || MaxComponent(data.material->emission.radiance) > 0;
   data.kind = KindOfMaterial(*data.material);
   const bool is_uniform = !data.is_textured && mesh.colors.empty();
-  const bool has_tangents = data.material->anisotropy.strength > 0;
+  const bool has_tangents = data.material->base.anisotropy.strength > 0;
   data.is_plain = is_uniform && !has_tangents && IsFlat(mesh);
   // The values of glass and coats depend on the side and the normal, those of anisotropic layers on tangents.
   if (is_uniform && !has_tangents && data.material->transmission.factor <= 0 &&
@@ -158,7 +158,7 @@ void SurfaceReader::ReadCorners(const InstanceData& instance, const Hit& hit, co
     surface->normal = MappedNormal(material.normal_map.texture, material.normal_map.scale, instance, hit,
                                    *surface, unmapped);
   }
-  if (material.anisotropy.strength > 0) {
+  if (material.base.anisotropy.strength > 0) {
     const auto axes = TangentsAt(instance, hit, surface->front, unmapped);
     surface->anisotropy = axes.has_value() ? AnisotropyAt(*axes, *surface) : Vec3{0, 0, 0};
   }
@@ -227,7 +227,7 @@ std::optional<SurfaceReader::Tangents> SurfaceReader::TangentsAt(const InstanceD
 }
 
 Vec3 SurfaceReader::AnisotropyAt(const Tangents& axes, const Surface& surface) const {
-  const scene::Material::Anisotropy& anisotropy = surface.material->anisotropy;
+  const scene::Material::Base::Anisotropy& anisotropy = surface.material->base.anisotropy;
   Vec2 direction = anisotropy.direction;
   float strength = anisotropy.strength;
   if (anisotropy.texture.texture != scene::kNone) {
@@ -285,7 +285,7 @@ SurfaceMaterial SurfaceReader::Shade(const Surface& surface) const {
     out.roughness *= t.y;
     out.metallic *= t.z;
   }
-  if (m.anisotropy.strength > 0) out.anisotropy = surface.anisotropy;
+  if (m.base.anisotropy.strength > 0) out.rare.anisotropy = surface.anisotropy;
   out.ior = m.ior;
   out.specular = m.specular.factor * Data(m.specular.factor_texture, surface).w;
   out.specular_color = m.specular.color * Color(m.specular.color_texture, surface);
@@ -293,12 +293,13 @@ SurfaceMaterial SurfaceReader::Shade(const Surface& surface) const {
     out.transmission = m.transmission.factor * Data(m.transmission.texture, surface).x;
     out.thin = !m.volume.is_solid;
     out.inside = !surface.front;
+    out.rare.dispersion = m.volume.dispersion;
   }
-  if (m.diffuse_transmission.factor > 0) {
-    out.diffuse_transmission =
-        m.diffuse_transmission.factor * Data(m.diffuse_transmission.factor_texture, surface).w;
-    out.diffuse_transmission_color =
-        m.diffuse_transmission.color * Color(m.diffuse_transmission.color_texture, surface);
+  if (m.base.diffuse_transmission.factor > 0) {
+    out.rare.diffuse_transmission =
+        m.base.diffuse_transmission.factor * Data(m.base.diffuse_transmission.factor_texture, surface).w;
+    out.rare.diffuse_transmission_color =
+        m.base.diffuse_transmission.color * Color(m.base.diffuse_transmission.color_texture, surface);
   }
   if (m.iridescence.factor > 0) ShadeFilm(surface, &out);
   if (m.clearcoat.factor > 0 || MaxComponent(m.sheen.color) > 0) ShadeLayers(surface, &out);
@@ -318,10 +319,11 @@ void SurfaceReader::ShadeLayers(const Surface& surface, SurfaceMaterial* out) co
 
 void SurfaceReader::ShadeFilm(const Surface& surface, SurfaceMaterial* out) const {
   const scene::Material::Iridescence& film = surface.material->iridescence;
-  out->film_ior = film.ior;
-  out->film_thickness_nm = film.min_thickness_nm + (film.max_thickness_nm - film.min_thickness_nm) *
-                                                       Data(film.thickness_texture, surface).y;
-  if (out->film_thickness_nm > 0) out->iridescence = film.factor * Data(film.factor_texture, surface).x;
+  out->rare.film_ior = film.ior;
+  out->rare.film_thickness_nm = film.min_thickness_nm + (film.max_thickness_nm - film.min_thickness_nm) *
+                                                            Data(film.thickness_texture, surface).y;
+  if (out->rare.film_thickness_nm > 0)
+    out->rare.iridescence = film.factor * Data(film.factor_texture, surface).x;
 }
 
 Vec3 SurfaceReader::EmittedBy(const Surface& surface) const {

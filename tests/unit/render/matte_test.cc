@@ -14,7 +14,7 @@ namespace {
 
 using scene::Vec3;
 
-constexpr int kSize = 8;
+constexpr int kSizeOfPicture = 8;
 
 std::shared_ptr<const Environment> Sky(float radiance) {
   LayeredImage picture(8, 4);
@@ -27,7 +27,7 @@ std::shared_ptr<const Environment> Sky(float radiance) {
 }
 
 RenderSettings Transparent() {
-  RenderSettings settings = SettingsOf(kSize, kSize);
+  RenderSettings settings = SettingsOf(kSizeOfPicture, kSizeOfPicture);
   settings.is_transparent = true;
   return settings;
 }
@@ -35,8 +35,8 @@ RenderSettings Transparent() {
 /// The sum of a channel over all pixels.
 double Sum(const LayeredImage& image, std::string_view name) {
   double sum = 0;
-  for (int y = 0; y < kSize; ++y) {
-    for (int x = 0; x < kSize; ++x) sum += static_cast<double>(image.Get(name).At(x, y));
+  for (int y = 0; y < kSizeOfPicture; ++y) {
+    for (int x = 0; x < kSizeOfPicture; ++x) sum += static_cast<double>(image.Get(name).At(x, y));
   }
   return sum;
 }
@@ -62,16 +62,16 @@ TEST(Transparent, LeavesOutTheSkyThatTheCameraSees) {
   scene::Scene scene = BallOverGround(0);
   scene.catchers.clear();
   scene.cameras = {testing::LookAt({0, 0, 3}, {0, 0, 0}, 0.5f)};
-  RenderSettings settings = SettingsOf(kSize, kSize);
+  RenderSettings settings = SettingsOf(kSizeOfPicture, kSizeOfPicture);
   settings.environment = Sky(2);
-  const LayeredImage opaque = RenderAll(*MakeRenderer(scene, settings), kSize, kSize, 16);
+  const LayeredImage opaque = RenderAll(*MakeRenderer(scene, settings), kSizeOfPicture, kSizeOfPicture, 16);
   settings.is_transparent = true;
   const auto renderer = MakeRenderer(scene, settings);
-  const LayeredImage clear = RenderAll(*renderer, kSize, kSize, 16);
+  const LayeredImage clear = RenderAll(*renderer, kSizeOfPicture, kSizeOfPicture, 16);
   EXPECT_FALSE(opaque.Has(layers::kOpacity));
   int partly = 0;
-  for (int y = 0; y < kSize; ++y) {
-    for (int x = 0; x < kSize; ++x) {
+  for (int y = 0; y < kSizeOfPicture; ++y) {
+    for (int x = 0; x < kSizeOfPicture; ++x) {
       const float covered = clear.Get(layers::kOpacity).At(x, y);
       partly += covered > 0 && covered < 16 ? 1 : 0;
       const auto sum = [&](const LayeredImage& image) {
@@ -82,7 +82,7 @@ TEST(Transparent, LeavesOutTheSkyThatTheCameraSees) {
     }
   }
   EXPECT_GT(partly, 8);
-  const EdgedImage geometry = renderer->RenderGeometry({0, 0, kSize, kSize}, 0);
+  const EdgedImage geometry = renderer->RenderGeometry({0, 0, kSizeOfPicture, kSizeOfPicture}, 0);
   EXPECT_EQ(Sum(geometry.pixels, layers::kAlpha) > 0, true);
   for (int row = 0; row < geometry.edges.height(); ++row) {
     for (int i = 0; i < kSubSamples; ++i) EXPECT_EQ(geometry.edges.Get("emission.G").At(i, row), 0);
@@ -97,8 +97,8 @@ TEST(Transparent, GlassShowsTheSkyBehindIt) {
   scene.cameras = {testing::LookAt({0, 0, 3}, {0, 0, 0}, 0.1f)};
   RenderSettings settings = Transparent();
   settings.environment = Sky(2);
-  const LayeredImage image = RenderAll(*MakeRenderer(scene, settings), kSize, kSize, 16);
-  EXPECT_EQ(Sum(image, layers::kOpacity), 16 * kSize * kSize);
+  const LayeredImage image = RenderAll(*MakeRenderer(scene, settings), kSizeOfPicture, kSizeOfPicture, 16);
+  EXPECT_EQ(Sum(image, layers::kOpacity), 16 * kSizeOfPicture * kSizeOfPicture);
   EXPECT_GT(MeanOf(image, layers::kNoisy), 0.3);
 }
 
@@ -109,8 +109,8 @@ TEST(ShadowCatcher, HasTheShadowOfABallInADome) {
     scene.cameras = {testing::LookAt({2, 0.3f, 0}, {0, 0, 0}, 0.002f)};
     RenderSettings settings = Transparent();
     settings.environment = Sky(3);
-    const LayeredImage image = RenderAll(*MakeRenderer(scene, settings), kSize, kSize, 256);
-    EXPECT_EQ(Sum(image, layers::kCatcher), 256 * kSize * kSize);
+    const LayeredImage image = RenderAll(*MakeRenderer(scene, settings), kSizeOfPicture, kSizeOfPicture, 256);
+    EXPECT_EQ(Sum(image, layers::kCatcher), 256 * kSizeOfPicture * kSizeOfPicture);
     EXPECT_EQ(Sum(image, layers::kOpacity), 0);
     EXPECT_EQ(MeanOf(image, layers::kNoisy), 0);
     EXPECT_NEAR(ShadowIn(image), 0.25 / static_cast<double>(height * height), 0.01) << height;
@@ -125,7 +125,8 @@ TEST(ShadowCatcher, HasTheSharpShadowOfALamp) {
     lamp.world_from_light.origin = {0, 4, 0};
     scene.lights.push_back(lamp);
     scene.cameras = {testing::LookAt({x + 1, 0.2f, 0}, {x, 0, 0}, 0.02f)};
-    const LayeredImage image = RenderAll(*MakeRenderer(scene, Transparent()), kSize, kSize, 4);
+    const LayeredImage image =
+        RenderAll(*MakeRenderer(scene, Transparent()), kSizeOfPicture, kSizeOfPicture, 4);
     EXPECT_EQ(ShadowIn(image), x == 0 ? 1 : 0);
   }
 }
@@ -136,14 +137,15 @@ TEST(ShadowCatcher, HidesWhatIsBehindItAndChangesNoLight) {
   RenderSettings settings = Transparent();
   settings.environment = Sky(1);
   const auto from_above = MakeRenderer(scene, settings);
-  EXPECT_EQ(Sum(RenderAll(*from_above, kSize, kSize, 4), layers::kOpacity), 0);
-  EXPECT_EQ(Sum(from_above->RenderGeometry({0, 0, kSize, kSize}, 0).pixels, layers::kAlpha), 0);
+  EXPECT_EQ(Sum(RenderAll(*from_above, kSizeOfPicture, kSizeOfPicture, 4), layers::kOpacity), 0);
+  EXPECT_EQ(Sum(from_above->RenderGeometry({0, 0, kSizeOfPicture, kSizeOfPicture}, 0).pixels, layers::kAlpha),
+            0);
 
   scene = BallOverGround(1);
   scene.cameras = {testing::LookAt({0, 1, 3}, {0, 1, 0}, 0.1f)};
-  const LayeredImage with = RenderAll(*MakeRenderer(scene, settings), kSize, kSize, 4);
+  const LayeredImage with = RenderAll(*MakeRenderer(scene, settings), kSizeOfPicture, kSizeOfPicture, 4);
   scene.catchers.clear();
-  ExpectSameBits(with, RenderAll(*MakeRenderer(scene, settings), kSize, kSize, 4));
+  ExpectSameBits(with, RenderAll(*MakeRenderer(scene, settings), kSizeOfPicture, kSizeOfPicture, 4));
 }
 
 }  // namespace

@@ -68,10 +68,11 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const absl::StatusOr<scene::ImageData> texture = scene::DecodeImage(bytes, fuzz::kMaxTexels);
   if (!texture.ok()) {
     fuzz::CheckError(texture.status());
-  } else if (int64_t{texture->width} * texture->height > fuzz::kMaxTexels ||
-             texture->rgba.size() !=
+  } else if (const size_t codes = texture->is_deep() ? texture->rgba16.size() : texture->rgba.size();
+             int64_t{texture->width} * texture->height > fuzz::kMaxTexels ||
+             codes !=
                  size_t{4} * static_cast<size_t>(texture->width) * static_cast<size_t>(texture->height)) {
-    fuzz::Fail("a texture of the wrong size", std::to_string(texture->rgba.size()));
+    fuzz::Fail("a texture of the wrong size", std::to_string(codes));
   }
   const absl::StatusOr<LayeredImage> picture = DecodeLinearPicture("sky", bytes);
   if (!picture.ok()) fuzz::CheckError(picture.status());

@@ -144,7 +144,7 @@ TEST_F(OwnershipTest, EachCellOfTheTableHolds) {
       ++cells;
     }
   }
-  EXPECT_EQ(cells, 29 * 6);
+  EXPECT_EQ(cells, 30 * 6);
 }
 
 TEST_F(OwnershipTest, AJobOfSomebodyElseDoesNotExist) {

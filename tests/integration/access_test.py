@@ -201,8 +201,7 @@ class AccessTest(unittest.TestCase):
         with tempfile.TemporaryDirectory() as empty:
             done = run("lumifold", "list", "--server", self.farm.address, check=False,
                        env={**os.environ, "XDG_CONFIG_HOME": empty})
-        self.expect_failure(done, "cannot reach",
-                            code=EXIT_UNREACHABLE)  # plain text, which the coordinator does not speak
+        self.expect_failure(done, "is encrypted, and there is no profile for it", code=EXIT_UNREACHABLE)
 
     def test_a_token_expires(self):
         name = self.invite_person("short", "--hours", "0.0005")

@@ -39,6 +39,7 @@ ALLOWED = {
     "surfaces": (3, 7),
     "mixtures": (1.3, 2.2),
     "procedural": (2.2, 7),
+    "brushed": (1.9, 3.4),
     "animation": (1.3, 1.9),
     "pictures": (1.3, 9.5),
 }

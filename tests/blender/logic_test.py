@@ -337,6 +337,13 @@ class Materials(unittest.TestCase):
         made = materials.translate(fog)
         self.assertEqual((made.alpha, made.losses), (0, ["volume without a surface (not rendered)"]))
 
+    def test_anisotropy_has_the_widths_of_principled(self):
+        for roughness, anisotropy in ((0.35, 0.6), (0.2, 0.0), (0.5, 0.9)):
+            made, strength = materials.gltf_anisotropy(roughness, anisotropy)
+            across, aspect = made**2, (1 - 0.9 * anisotropy) ** 0.5
+            self.assertAlmostEqual(across, roughness**2 * aspect)
+            self.assertAlmostEqual(across + (1 - across) * strength**2, roughness**2 / aspect)
+
     def test_ior_of_a_reflectance(self):
         self.assertAlmostEqual(materials.ior_of_reflectance(0.04), 1.5)
 

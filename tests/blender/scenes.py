@@ -275,6 +275,19 @@ def procedural():
     camera((0, -5, 2), (0, 0, 0.4), 42)
 
 
+def brushed():
+    """Brushed metal: highlights that are wider around the axis of the UV map."""
+    add("plane", matt("ground", 0.5, 0.5, 0.5), size=6)
+    for i, anisotropic in enumerate((0.0, 0.6, 0.9)):
+        made = shader(f"brushed {i}", "ShaderNodeBsdfPrincipled", base_color=(0.8, 0.7, 0.5, 1), metallic=1,
+                      roughness=0.35, anisotropic=anisotropic)
+        made.node_tree.nodes["Principled BSDF"].distribution = "MULTI_GGX"
+        add("uv_sphere", made, True, radius=0.5, location=(1.2 * i - 1.2, 0, 0.5), segments=96, ring_count=48)
+    light("AREA", 150, (0, -2, 4), shape="SQUARE", size=1.5)
+    color_world(0.2, 0.2, 0.2)
+    camera((0, -5, 2), (0, 0, 0.4), 42)
+
+
 def pictures():
     """Each input that may be a picture, on panels before a grey wall."""
     add("plane", matt("wall", 0.5, 0.5, 0.5), size=8, location=(0, 1, 0)).rotation_euler = (math.pi / 2, 0, 0)
@@ -344,6 +357,6 @@ def animation():
 
 SCENES = {
     made.__name__: made for made in (room, square_light, catcher, ellipse_light, point_light, sun_light,
-                                     light_of_4_5, world, textures, surfaces, mixtures, procedural, animation,
-                                     pictures)
+                                     light_of_4_5, world, textures, surfaces, mixtures, procedural, brushed,
+                                     animation, pictures)
 }

@@ -1,5 +1,7 @@
 """Writes materials into a glTF file."""
 
+import math
+
 from . import materials
 from .materials import Texture
 from .versions import WHITE
@@ -63,6 +65,12 @@ class MaterialWriter:
             extensions["KHR_materials_clearcoat"] = {
                 "clearcoatFactor": made.clearcoat,
                 "clearcoatRoughnessFactor": made.clearcoat_roughness,
+            }
+        if made.anisotropy > 0:
+            surface["roughnessFactor"], strength = materials.gltf_anisotropy(made.roughness, made.anisotropy)
+            extensions["KHR_materials_anisotropy"] = {
+                "anisotropyStrength": strength,
+                "anisotropyRotation": 2 * math.pi * made.anisotropy_rotation
             }
         if any(made.sheen_color):
             extensions["KHR_materials_sheen"] = {

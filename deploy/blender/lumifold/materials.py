@@ -46,6 +46,8 @@ class Material:
     clearcoat_roughness: float = 0.0
     sheen_color: tuple = (0.0, 0.0, 0.0)
     sheen_roughness: float = 0.0
+    anisotropy: float = 0.0  # as Principled has it
+    anisotropy_rotation: float = 0.0  # turns
     normal: object = None
     normal_strength: float = 1.0
     double_sided: bool = True
@@ -131,6 +133,11 @@ def read_principled(made, node):
     made.clearcoat = value.number("coat") * (versions.DISNEY_COAT if versions.is_disney() else 1)
     made.clearcoat_roughness = value.number("coat roughness")
     read_sheen(made, value)
+    if is_number(made.roughness):
+        made.anisotropy = value.number("Anisotropic")
+        made.anisotropy_rotation = value.number("Anisotropic Rotation")
+    elif value.number("Anisotropic") != 0:
+        made.losses.append(f"Anisotropic of '{node.bl_label}' with a picture as roughness")
     read_normal(made, find_input(node, "Normal"))
     if made.metallic != 1 and made.transmission != 1 and versions.is_disney():
         made.losses.append(DISNEY_DIFFUSE)
@@ -411,6 +418,14 @@ def coordinates_behind(socket):
 
 def reflectance_of_ior(ior):
     return ((ior - 1) / (ior + 1)) ** 2
+
+
+def gltf_anisotropy(roughness, anisotropy):
+    """(roughness, strength) of glTF whose lobe has the two widths of Principled's: roughness^2 divided by an
+    aspect along the tangent, and times it across."""
+    aspect = math.sqrt(1 - 0.9 * min(max(anisotropy, 0.0), 1.0))
+    along, across = min(roughness**2 / aspect, 1.0), roughness**2 * aspect
+    return math.sqrt(across), math.sqrt((along - across) / (1 - across)) if across < 1 else 0.0
 
 
 def ior_of_reflectance(reflectance):

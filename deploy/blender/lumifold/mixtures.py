@@ -22,7 +22,8 @@ def combined(first, second, weights):
     made.base_color = color_sum(made, (first.base_color, second.base_color), weights, light)
     for name in ("metallic", "transmission", "reflectance"):
         mean(made, name, first, second, light)
-    mean(made, "roughness", first, second, shine if any(shine) else light)
+    for name in ("roughness", "anisotropy"):
+        mean(made, name, first, second, shine if any(shine) else light)
     through = [amount * number_of(one.transmission) for amount, one in zip(light, (first, second))]
     clearest = first if through[0] >= through[1] else second
     made.ior, made.is_thin = clearest.ior, clearest.is_thin

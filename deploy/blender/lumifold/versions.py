@@ -29,14 +29,14 @@ WHITE = (1.0, 1.0, 1.0)
 LOST_INPUTS = {
     (3, 4): {
         "BSDF_PRINCIPLED": {
-            "Subsurface": 0, "Sheen": 0, "Anisotropic": 0, "Specular Tint": 0, "Transmission Roughness": 0,
+            "Subsurface": 0, "Sheen": 0, "Specular Tint": 0, "Transmission Roughness": 0,
             "Clearcoat Normal": None, "Tangent": None
         },
         "BSDF_DIFFUSE": {"Roughness": 0},
     },
     (4, 0): {
         "BSDF_PRINCIPLED": {
-            "Subsurface Weight": 0, "Anisotropic": 0, "Specular Tint": WHITE, "Coat IOR": 1.5,
+            "Subsurface Weight": 0, "Specular Tint": WHITE, "Coat IOR": 1.5,
             "Coat Tint": WHITE, "Coat Normal": None, "Tangent": None, "Thin Film Thickness": 0,
             "Diffuse Roughness": 0, "Thin Wall": None
         },

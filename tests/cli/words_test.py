@@ -48,7 +48,7 @@ class WrongCommandLine(harness.CliTest):
 
     def test_values_say_what_is_expected(self):
         for name, option, value in (
-            ("bad_size", "--size", "512"),
+            ("bad_size", "--size", "512x"),
             ("zero_size", "--size", "0x384"),
             ("absurd_size", "--size", "99999999x99999999"),
             ("zero_samples", "--spp", "0"),

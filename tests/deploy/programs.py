@@ -31,7 +31,7 @@ def flags_of(program, *subcommand):
     options = text.split("Subcommands:")[0]
     return {
         name: bool(value)
-        for name, value in re.findall(r"^  (?:-\w,)?(--[\w-]+)(?: (TEXT|INT|UINT|FLOAT))?", options, re.M)
+        for name, value in re.findall(r"^  (?:-\w,)?(--[\w-]+)(?: (\S+))?(?=  |$)", options, re.M)
     }
 
 

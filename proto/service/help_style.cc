@@ -33,7 +33,7 @@ class HelpFormatter final : public CLI::Formatter {
     return absl::StrCat(value, option->get_required() ? " (required)" : "");
   }
   std::string make_option_desc(const CLI::Option* option) const override {
-    const std::string text = option->get_description();
+    std::string text = option->get_description();
     const std::string variable =
         option->get_envname().empty() ? "" : absl::StrCat("$", option->get_envname());
     const std::string value = option->get_default_str();

@@ -45,7 +45,7 @@ absl::StatusOr<std::vector<JobUsage>> QueryUsage(SqlConnection& db, const UsageF
   }
   std::vector<JobUsage> usage;
   bool is_readable = true;
-  const absl::Status status = db.Query(
+  absl::Status status = db.Query(
       absl::StrCat(
           "SELECT job, user_name, CAST(SUM(units) AS BIGINT), SUM(render_seconds),"
           " CAST(SUM(frames) AS BIGINT), SUM(finish_seconds) FROM usage WHERE day >= $1 AND day < $2",

@@ -69,7 +69,6 @@ class FinishTest(unittest.TestCase):
             self.assertEqual(farm.server.log_text().count("event=frame_leased"), finished)
             self.assertEqual(farm.server.log_text().count("event=frame_finished"), FRAMES)
 
-    @contextlib.contextmanager
     def test_workers_compare_the_results_of_an_audited_job(self):
         with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
             for _ in range(2):
@@ -78,6 +77,7 @@ class FinishTest(unittest.TestCase):
             self.assertIn("event=frame_compared", farm.server.log_text())
             self.assertNotIn("event=worker_faulty", farm.server.log_text())
 
+    @contextlib.contextmanager
     def a_leased_frame(self, *options):
         """A farm whose first worker has a frame to finish; what happens then changes no file."""
         with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:

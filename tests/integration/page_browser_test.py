@@ -104,8 +104,8 @@ class PageBrowserTest(unittest.TestCase):
         self.shoot("grows")
         first = self.browser.run(f"return {BRIGHTNESS}")
         self.browser.wait_text("#job-state", "done", seconds=300)
-        wait_until(lambda: self.browser.run(f"return {BRIGHTNESS}") > first,
-                   "a brighter picture: no tile is black any more",
+        wait_until(lambda: self.browser.run(f"return {BRIGHTNESS}") != first,
+                   "another picture: no tile has the colours of those around any more",
                    seconds=60)
         self.browser.wait("return document.querySelector('#pieces canvas')?.width === 640", "all pixels", seconds=300)
         red, green, blue = wait_until(lambda: any(colour := self.browser.run(COLOUR, 120, 240)) and colour,
@@ -158,7 +158,7 @@ class PageBrowserTest(unittest.TestCase):
         self.farm.client("wait", self.submit("--size", "64x64", "--spp", 1))  # one that has delivered nothing is not believed
         job = self.submit_broken()
         self.open()
-        self.browser.wait_text("#job-state", "failed", seconds=60)
+        self.browser.wait_text("#job-state", "failed", seconds=180)  # a lone worker is believed after a minute
         self.browser.wait_text("#notice", "no such camera")
         self.assertIn("submit it again", self.browser.text("#notice"))
         self.assertNotIn("Retry", self.browser.text("#job"), "it could not help")

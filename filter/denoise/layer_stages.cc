@@ -250,9 +250,9 @@ void RunLightRegression(LayerState* state) {
   MoveTowardsAll(absl::MakeConstSpan(&fitted, 1), state);
 }
 
-/// Moves the result towards the noisy layer without its fireflies. Both are compared with the halves as they
-/// were: an outlier is taken out where the other half contradicts it, so without them the halves of rare
-/// light agree by selection.
+/// Moves the result towards the noisy layer without its fireflies. By how much is said by the noisy layer as it
+/// was: an outlier is taken out where the other half contradicts it, so without them the halves of rare light
+/// agree by selection.
 void RunNoisyChoice(LayerState* state) {
   UseLastCandidate(state);
   AddEnergy(*state, &state->result);
@@ -262,14 +262,14 @@ void RunNoisyChoice(LayerState* state) {
     AddPlanes(state->removed[0], state->pool, absl::MakeSpan(state->halves.a));
     AddPlanes(state->removed[1], state->pool, absl::MakeSpan(state->halves.b));
   }
-  std::array<std::vector<float>, 2> light = state->fragments.noisy;
-  for (std::vector<float>& half : light) {
+  Candidate uncut{Clone(state->halves.a), Clone(state->halves.b), state->fragments.noisy};
+  for (std::vector<float>& half : uncut.points) {
     for (float& value : half) value /= state->halves.scale;
   }
-  const ChoicePoints points = PointsToCompare(*state, std::move(light));
+  const ChoicePoints points = PointsToCompare(*state, uncut.points);
   const Choice choice(state->halves, LightOf(state->halves, state->result, state->pool),
                       state->settings.choice, &points, state->pool);
-  Move(noisy, choice.ShareOf(state->result, noisy, state->pool), true, state);
+  Move(noisy, choice.ShareOf(state->result, uncut, state->pool), true, state);
   ShareEnergy(state);
 }
 

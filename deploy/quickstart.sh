@@ -16,7 +16,7 @@ bin=build/release/bin
 out=build/quickstart
 "$bin/lumifold-scenes" --out "$out" cornell-box >/dev/null
 "$bin/lumifold" render "$out/cornell-box.glb" --size 512x384 --spp 64 --seed 0 \
-  -o "$out/cornell-box.exr" --noisy "$out/cornell-box-noisy.png"
+  -o "$out/cornell-box.exr" --exr full --noisy "$out/cornell-box-noisy.png"
 # The same picture for people to look at: a conversion, nothing is rendered again.
 "$bin/lumifold" convert "$out/cornell-box.exr" -o "$out/cornell-box.png"
 

@@ -250,9 +250,9 @@ void RunLightRegression(LayerState* state) {
   MoveTowardsAll(absl::MakeConstSpan(&fitted, 1), state);
 }
 
-/// Moves the result towards the noisy layer without its fireflies. By how much is said by the noisy layer as it
-/// was: an outlier is taken out where the other half contradicts it, so without them the halves of rare light
-/// agree by selection.
+/// Moves the result towards the noisy layer without its fireflies. By how much is said by the noisy layer as
+/// it was: an outlier is taken out where the other half contradicts it, so without them the halves of rare
+/// light agree by selection.
 void RunNoisyChoice(LayerState* state) {
   UseLastCandidate(state);
   AddEnergy(*state, &state->result);

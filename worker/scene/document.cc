@@ -116,6 +116,15 @@ bool FitsItsType(const json& value, bool is_size) {
   return value.get<int64_t>() >= (is_size ? 0 : std::numeric_limits<int32_t>::min());
 }
 
+/// Properties of glTF that are real numbers, or arrays of them, and may be written without a point: Blender
+/// writes 999999995904 for a far plane without end.
+bool IsReal(std::string_view key) {
+  constexpr std::string_view kReals[] = {
+      "aspectRatio", "intensity",   "matrix",  "max",  "min",  "range", "rotation", "scale",
+      "strength",    "translation", "weights", "xmag", "yfov", "ymag",  "zfar",     "znear"};
+  return std::find(std::begin(kReals), std::end(kReals), key) != std::end(kReals);
+}
+
 /// Path and value of the first integer that does not fit tinygltf's type and would wrap around to a valid but
 /// wrong one. tinygltf reads all integers except sizes as int.
 std::optional<std::string> FindOutOfRangeInteger(const json& value, bool is_size) {
@@ -127,7 +136,7 @@ std::optional<std::string> FindOutOfRangeInteger(const json& value, bool is_size
     bool child_is_size = is_size;
     if (value.is_object()) {
       const std::string& key = child.key();
-      if (key == "extras") continue;
+      if (key == "extras" || IsReal(key)) continue;
       child_is_size = key == "byteOffset" || key == "byteLength" || key == "count";
     }
     const auto found = FindOutOfRangeInteger(*child, child_is_size);

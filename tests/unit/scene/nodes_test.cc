@@ -197,6 +197,15 @@ TEST(Nodes, RefuseIndicesOfMissingObjects) {
   EXPECT_THAT(changed("mesh", int64_t{1} << 32), HasSubstr("/nodes/0/mesh: 4294967296 is out of range"));
 }
 
+TEST(Nodes, RealNumbersMayBeLargeIntegers) {
+  GltfFixture fixture = TriangleOfOneNode();
+  fixture.Add("cameras", {{"type", "perspective"},
+                          {"perspective", {{"yfov", 1}, {"znear", 0.1}, {"zfar", int64_t{999999995904}}}}});
+  fixture.json["nodes"][0]["translation"] = {0, 0, int64_t{1} << 29};
+  fixture.json["nodes"][0]["camera"] = 0;
+  EXPECT_TRUE(fixture.Load().ok()) << fixture.Load().status();
+}
+
 TEST(Nodes, RefuseMalformedTransforms) {
   const auto changed = [](const char* field, const json& value) {
     GltfFixture fixture = TriangleOfOneNode();

@@ -102,6 +102,7 @@ Candidate Noisy(const LayerState& state) {
 
 void RunFireflies(LayerState* state) {
   std::vector<std::array<float, 2>> before;
+  before.reserve(state->fragments.pixels.size());
   const Halves& halves = state->halves;
   for (const LayerFragments::Pixel& p : state->fragments.pixels)
     before.push_back({LuminanceAt(halves.a, p.x, p.y), LuminanceAt(halves.b, p.x, p.y)});

@@ -9,6 +9,7 @@
 #include "absl/strings/escaping.h"
 #include "tests/support/gltf_fixture.h"
 #include "tests/support/temp_folder.h"
+#include "tests/unit/scene/load.h"
 
 namespace lumifold::scene {
 namespace {
@@ -19,12 +20,6 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
 using testing::StartsWith;
-
-GltfFixture OneTriangle() {
-  GltfFixture fixture;
-  fixture.AddTriangles(kTriangle);
-  return fixture;
-}
 
 std::string ErrorOf(std::string_view bytes) {
   const auto scene = LoadGltf(bytes, "test.glb", NoFiles);

@@ -10,6 +10,12 @@
 /// Loads documents that must be valid or must be refused.
 namespace lumifold::scene {
 
+inline GltfFixture OneTriangle() {
+  GltfFixture fixture;
+  fixture.AddTriangles(kTriangle);
+  return fixture;
+}
+
 /// The document's scene at a time; fails the test if it does not load.
 inline Scene At(double time_seconds, const GltfFixture& fixture) {
   LoadOptions options;

@@ -143,9 +143,9 @@ class InputFile {
 class Output {
  public:
   /// Channels of the film that are copied to the result.
-  static std::vector<std::string> PassedOn(PictureFormat format) {
-    if (IsDisplayed(format)) return {};
+  static std::vector<std::string> PassedOn(PictureFormat format, const FilmFile& film) {
     std::vector<std::string> names = {std::string(layers::kAlpha)};
+    if (IsDisplayed(format)) return film.is_transparent() ? names : std::vector<std::string>();
     for (std::string& name : layers::ColorChannels(layers::kNoisy)) names.push_back(std::move(name));
     return names;
   }
@@ -161,7 +161,7 @@ class Output {
       displayed_.emplace(*std::move(writer));
       return absl::OkStatus();
     }
-    ExrLayout layout{width, height, PassedOn(format), {{"lumifold.method", options.method}}};
+    ExrLayout layout{width, height, PassedOn(format, film), {{"lumifold.method", options.method}}};
     for (std::string& name : layers::ColorChannels(layers::kBeauty))
       layout.channels.push_back(std::move(name));
     layout.origin = film.origin();
@@ -184,7 +184,12 @@ class Output {
 
   absl::Status Append(const LayeredImage& rows) {
     if (displayed_.has_value()) {
-      displayed_->Append(rows.GetColor(layers::kBeauty));
+      if (!rows.Has(layers::kAlpha)) {
+        displayed_->Append(rows.GetColor(layers::kBeauty));
+      } else {
+        const ConstFloatView alpha = rows.Get(layers::kAlpha);
+        displayed_->Append(rows.GetColor(layers::kBeauty), &alpha);
+      }
       return absl::OkStatus();
     }
     if (source_ == nullptr) return OfThisMachine(exr_->Append(rows));
@@ -245,8 +250,9 @@ absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmFile* film,
   };
   progress->Update(state);
   const absl::Time start = rpc::MonotonicNow();
-  const absl::Status filtered = environment.local.film_filter(
-      &timed, options.method, options.threads, Output::PassedOn(*PictureFormatOf(options.output)), write);
+  const absl::Status filtered =
+      environment.local.film_filter(&timed, options.method, options.threads,
+                                    Output::PassedOn(*PictureFormatOf(options.output), *film), write);
   if (!filtered.ok()) return filtered;
   const double seconds = absl::ToDoubleSeconds(rpc::MonotonicNow() - start - io.spent());
   if (absl::Status status = output.Finish(); !status.ok()) return status;

@@ -1,7 +1,8 @@
 #include "client/local/displayed_picture.h"
 
-#include <array>
 #include <cstdint>
+#include <limits>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "filter/image/color.h"
@@ -14,6 +15,23 @@ namespace {
 constexpr int64_t kMaxPixels = int64_t{1} << 28;  // as of OpenEXR
 constexpr int64_t kMaxBytes = int64_t{1} << 31;
 
+/// Adds R, G and B, linear.
+template <typename Code>
+void Spread(const scene::ImageData& picture, LayeredImage* image) {
+  constexpr size_t kCodes = size_t{std::numeric_limits<Code>::max()} + 1;
+  std::vector<float> linear(kCodes);
+  for (size_t i = 0; i < kCodes; ++i)
+    linear[i] = LinearFromSrgb(static_cast<float>(i) / static_cast<float>(kCodes - 1));
+  const char* const names[] = {"R", "G", "B"};
+  for (size_t c = 0; c < 3; ++c) {
+    const FloatView plane = image->Add(names[c]);
+    const Code* code = picture.codes<Code>().data() + c;
+    for (int y = 0; y < plane.height(); ++y) {
+      for (int x = 0; x < plane.width(); ++x, code += 4) plane.At(x, y) = linear[*code];
+    }
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<LayeredImage> ReadDisplayed(const std::string& path) {
@@ -21,17 +39,11 @@ absl::StatusOr<LayeredImage> ReadDisplayed(const std::string& path) {
   if (!file.ok()) return file.status();
   const absl::StatusOr<scene::ImageData> picture = scene::DecodeImage(*file, kMaxPixels);
   if (!picture.ok()) return absl::DataLossError(absl::StrCat(path, ": ", picture.status().message()));
-  std::array<float, 256> linear{};
-  for (size_t i = 0; i < linear.size(); ++i) linear[i] = LinearFromSrgb(static_cast<float>(i) / 255);
   LayeredImage image(picture->width, picture->height);
-  const char* const names[] = {"R", "G", "B"};
-  for (size_t c = 0; c < 3; ++c) {
-    const FloatView plane = image.Add(names[c]);
-    const uint8_t* byte = picture->rgba.data() + c;
-    for (int y = 0; y < plane.height(); ++y) {
-      for (int x = 0; x < plane.width(); ++x, byte += 4) plane.At(x, y) = linear[*byte];
-    }
-  }
+  if (picture->is_deep())
+    Spread<uint16_t>(*picture, &image);
+  else
+    Spread<uint8_t>(*picture, &image);
   return image;
 }
 

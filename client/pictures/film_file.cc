@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "client/pictures/output_file.h"
 #include "filter/image/file_io.h"
 #include "filter/image/layers.h"
 
@@ -64,6 +65,8 @@ absl::Status FilmFile::FindLayout(const LayeredImage& outline) {
   if (*guess != "lumifold") notes_.push_back(absl::StrCat("read with --layout ", *guess));
   return absl::OkStatus();
 }
+
+bool FilmFile::is_transparent() const { return IsTransparent(picture_->Outline()); }
 
 std::vector<std::string> FilmFile::OtherChannels() const {
   std::vector<std::string> names;

@@ -31,6 +31,8 @@ class FilmFile final : public FilmSource {
 
   /// The windows and attributes of the picture's file.
   std::shared_ptr<const ExrOrigin> origin() const { return picture_->origin(); }
+  /// As IsTransparent says of the picture.
+  bool is_transparent() const;
   /// Channels of another renderer's file besides the picture itself, which a filtered one should keep.
   std::vector<std::string> OtherChannels() const;
 

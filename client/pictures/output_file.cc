@@ -77,6 +77,12 @@ absl::Status CheckOutput(const std::string& path) {
   return absl::OkStatus();
 }
 
+bool IsTransparent(const LayeredImage& image) {
+  const auto background = image.metadata().find("lumifold.background");
+  return background != image.metadata().end() && background->second == "transparent" &&
+         image.Has(layers::kAlpha);
+}
+
 absl::Status WriteLayer(const std::string& exr_path, const std::string& layer,
                         const pictures::DisplayOptions& display, const std::string& path) {
   const absl::StatusOr<LayeredImage> image = ReadExr(exr_path);
@@ -86,11 +92,8 @@ absl::Status WriteLayer(const std::string& exr_path, const std::string& layer,
     return absl::NotFoundError(
         absl::StrCat(exr_path, ": has no colour layer '", layer, "'; it has ", ColorLayersOf(*image)));
   }
-  // Other pictures have A too: the coverage without what is behind.
-  const auto background = image->metadata().find("lumifold.background");
-  const bool is_transparent = background != image->metadata().end() && background->second == "transparent" &&
-                              (layer.empty() || layer == layers::kNoisy) && image->Has(layers::kAlpha);
-  if (!is_transparent) return OfThisMachine(pictures::WriteDisplayed(path, image->GetColor(layer), display));
+  if (!IsTransparent(*image) || (!layer.empty() && layer != layers::kNoisy))
+    return OfThisMachine(pictures::WriteDisplayed(path, image->GetColor(layer), display));
   const ConstFloatView alpha = image->Get(layers::kAlpha);
   return OfThisMachine(pictures::WriteDisplayed(path, image->GetColor(layer), display, &alpha));
 }

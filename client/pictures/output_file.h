@@ -5,6 +5,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "client/pictures/display_file.h"
+#include "filter/image/layered_image.h"
 
 namespace lumifold::client {
 
@@ -25,6 +26,10 @@ absl::Status CheckFolder(const std::string& path, const std::string& folder);
 /// is not a folder.
 /// Errors: kNotFound, kPermissionDenied, kInvalidArgument, naming the obstacle.
 absl::Status CheckOutput(const std::string& path);
+
+/// Whether A is the opacity of the picture itself, rendered before a transparent background. Other pictures
+/// have A too: the coverage without what is behind. Only channels and metadata are read.
+bool IsTransparent(const LayeredImage& image);
 
 /// Writes one colour layer of an OpenEXR file as .png or .jpg; an empty `layer` is the finished picture (R G
 /// B). A .png of a picture with a transparent background has an alpha channel.

@@ -7,9 +7,11 @@ import pathlib
 import re
 import shutil
 import statistics
+import struct
 import subprocess
 import tempfile
 import unittest
+import zlib
 
 import exr
 from farm import Farm, make_scene, run
@@ -25,6 +27,18 @@ def info(path):
                           check=True,
                           capture_output=True,
                           text=True).stdout
+
+
+def png(width, height, depth, byte_at):
+    """A PNG of RGB whose codes are a byte, or the same byte twice."""
+    rows = b"".join(b"\0" + b"".join(bytes([byte_at(x, y, c)] * (depth // 8)) for x in range(width) for c in range(3))
+                    for y in range(height))
+
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", width, height, depth, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
 
 
 class PicturesTest(unittest.TestCase):
@@ -110,6 +124,10 @@ class PicturesTest(unittest.TestCase):
         self.farm.client("submit", self.scene, *SETTINGS, "--background", "transparent", "--download", path)
         self.assertEqual(path.read_bytes()[25], 6, "red, green, blue and alpha")
         self.assertIn("transparent", info(self.root / "transparent.exr"))
+        film = self.render("film.exr", "--background", "transparent", "--save-film")
+        run("lumifold", "convert", film, "-o", self.root / "converted.png")
+        run("lumifold", "filter", film, "-o", self.root / "filtered.png")
+        self.assertEqual((self.root / "filtered.png").read_bytes(), (self.root / "converted.png").read_bytes())
 
     def test_attributes(self):
         self.farm.client("submit",
@@ -162,6 +180,16 @@ class PicturesTest(unittest.TestCase):
             sizes[name] = (self.root / name).stat().st_size
             self.assertRegex(info(self.root / name), r"96 x +64, 3 channel, uint8")
         self.assertLess(sizes["c.jpg"], sizes["b.jpg"])
+
+    def test_pictures_of_16_bits_a_channel_are_filtered_like_those_of_8(self):
+        filtered = []
+        for depth in (8, 16):
+            path = self.root / f"photo-{depth}.png"
+            path.write_bytes(png(40, 30, depth, lambda x, y, c: (7 * x + 5 * y + 60 * c) % 256))
+            run("lumifold", "filter", path, "-o", path.with_suffix(".exr"))
+            filtered.append(exr.read(path.with_suffix(".exr")).channels)
+        for channel in "RGB":
+            self.assertEqual(filtered[0][channel], filtered[1][channel], channel)
 
 
 if __name__ == "__main__":

@@ -48,6 +48,7 @@ constexpr Pattern kPatterns[] = {
     {"/materials/#/extensions/KHR_materials_clearcoat/clearcoatRoughnessFactor"},
     {"/materials/#/extensions/KHR_materials_diffuse_transmission/diffuseTransmissionColorFactor", {3}},
     {"/materials/#/extensions/KHR_materials_diffuse_transmission/diffuseTransmissionFactor"},
+    {"/materials/#/extensions/KHR_materials_dispersion/dispersion"},
     {"/materials/#/extensions/KHR_materials_emissive_strength/emissiveStrength"},
     {"/materials/#/extensions/KHR_materials_ior/ior"},
     {"/materials/#/extensions/KHR_materials_iridescence/iridescenceFactor"},

@@ -21,10 +21,6 @@ namespace {
 constexpr int kMaxBounces = 1024;
 constexpr int kMaxMb = 1 << 20;  // a coordinator takes no larger asset
 
-/// Values of --background and --ground.
-constexpr char kTransparent[] = "transparent";
-constexpr char kShadow[] = "shadow";
-
 /// Neither kNoEnvironment nor kStudioUri is a file: a file of that name has a folder before it ("./none").
 bool HasEnvironment(const EnvironmentMapOptions& environment) {
   return !environment.path.empty() && environment.path != kNoEnvironment;

@@ -77,8 +77,8 @@ void AddScene(const v1::JobSpec& settings, Json* json) {
     (*json)["env-rotate"] = Plain(settings.environment().rotate_degrees());
     (*json)["env-scale"] = Plain(settings.environment().scale());
   }
-  if (settings.background() == v1::BACKGROUND_TRANSPARENT) (*json)["background"] = "transparent";
-  if (settings.ground() == v1::GROUND_SHADOW) (*json)["ground"] = "shadow";
+  if (settings.background() == v1::BACKGROUND_TRANSPARENT) (*json)["background"] = kTransparent;
+  if (settings.ground() == v1::GROUND_SHADOW) (*json)["ground"] = kShadow;
   if (settings.has_lens()) {
     (*json)["f-stop"] = Plain(settings.lens().f_stop());
     (*json)["focus"] = Plain(settings.lens().focus_metres());

@@ -26,6 +26,9 @@ inline constexpr char kRelMse[] = "relmse";
 
 /// Value of --env for no environment.
 inline constexpr char kNoEnvironment[] = "none";
+/// Values of --background and --ground.
+inline constexpr char kTransparent[] = "transparent";
+inline constexpr char kShadow[] = "shadow";
 
 /// The options that a job was submitted with, by their names in job files, but for its scene; of an
 /// environment the file's name alone. Empty for a status of ListJobs, which has no settings.

@@ -158,7 +158,7 @@ class Output {
       absl::StatusOr<pictures::DisplayWriter> writer =
           pictures::DisplayWriter::Create(options.output, width, height, options.display);
       if (!writer.ok()) return OfThisMachine(writer.status());
-      displayed_.emplace(*std::move(writer));
+      displayed_ = std::make_unique<pictures::DisplayWriter>(*std::move(writer));
       return absl::OkStatus();
     }
     ExrLayout layout{width, height, PassedOn(format, film), {{"lumifold.method", options.method}}};
@@ -178,12 +178,12 @@ class Output {
     }
     absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(options.output, layout);
     if (!writer.ok()) return OfThisMachine(writer.status());
-    exr_.emplace(*std::move(writer));
+    exr_ = std::make_unique<ExrRowWriter>(*std::move(writer));
     return absl::OkStatus();
   }
 
   absl::Status Append(const LayeredImage& rows) {
-    if (displayed_.has_value()) {
+    if (displayed_ != nullptr) {
       if (!rows.Has(layers::kAlpha)) {
         displayed_->Append(rows.GetColor(layers::kBeauty));
       } else {
@@ -201,11 +201,11 @@ class Output {
     return OfThisMachine(exr_->Append(all));
   }
 
-  absl::Status Finish() { return OfThisMachine(exr_.has_value() ? exr_->Finish() : displayed_->Finish()); }
+  absl::Status Finish() { return OfThisMachine(exr_ != nullptr ? exr_->Finish() : displayed_->Finish()); }
 
  private:
-  std::optional<ExrRowWriter> exr_;
-  std::optional<pictures::DisplayWriter> displayed_;
+  std::unique_ptr<ExrRowWriter> exr_;  // null where `displayed_` is not
+  std::unique_ptr<pictures::DisplayWriter> displayed_;
   std::unique_ptr<ExrFilm> source_;  // of the channels that are kept; null without any
   std::vector<std::string> kept_;
   int done_ = 0;  // rows written
@@ -250,7 +250,7 @@ absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmFile* film,
   };
   progress->Update(state);
   const absl::Time start = rpc::MonotonicNow();
-  const absl::Status filtered =
+  absl::Status filtered =
       environment.local.film_filter(&timed, options.method, options.threads,
                                     Output::PassedOn(*PictureFormatOf(options.output), *film), write);
   if (!filtered.ok()) return filtered;

@@ -112,11 +112,13 @@ absl::Status SetPointed(const std::string& pointer, std::span<const float> value
   const std::string object = ObjectOf(pointer);
   if (!root->contains(json::json_pointer(object)))
     return absl::InvalidArgumentError(absl::StrCat("animates ", pointer, ", but there is no ", object));
-  const PointedProperty property = *FindPointer(pointer);
+  const std::optional<PointedProperty> property = FindPointer(pointer);
+  if (!property.has_value())
+    return absl::InvalidArgumentError(absl::StrCat("animates ", pointer, ", which is not read"));
   json& target = (*root)[json::json_pointer(pointer)];
-  if (property.is_flag)
+  if (property->is_flag)
     target = values[0] != 0;
-  else if (property.numbers == 1)
+  else if (property->numbers == 1)
     target = values[0];
   else
     target = std::vector<float>(values.begin(), values.end());

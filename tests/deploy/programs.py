@@ -29,10 +29,8 @@ def flags_of(program, *subcommand):
     """The options of a program as `--help` tells them: whether each takes a value."""
     text = run(program, *subcommand, "--help").stdout
     options = text.split("Subcommands:")[0]
-    return {
-        name: bool(value)
-        for name, value in re.findall(r"^  (?:-\w,)?(--[\w-]+)(?: (\S+))?(?=  |$)", options, re.M)
-    }
+    listed = r"^  (?:-\w,)?(--[\w-]+)(?: (\S+))?(?: \(required\))?(?=  |$)"
+    return {name: bool(value) for name, value in re.findall(listed, options, re.M)}
 
 
 def flag_faults(program, words):

@@ -24,7 +24,8 @@ def install():
     with open(FOLDER / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         for file in [*SOURCE.glob("*.mjs"), *EXAMPLES.glob("*.mjs"), *SOURCE.glob("package*.json")]:
-            shutil.copy(file, FOLDER)
+            # Another test may run the script at this moment: it is replaced whole, never seen half written.
+            os.replace(shutil.copy(file, FOLDER / "arriving"), FOLDER / file.name)
         digest = hashlib.sha256((SOURCE / "package-lock.json").read_bytes()).hexdigest()
         stamp = FOLDER / "installed"
         if stamp.exists() and stamp.read_text() == digest:

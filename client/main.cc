@@ -17,6 +17,7 @@
 #include "client/local/scene_planner.h"
 #include "proto/identity/profile.h"
 #include "proto/rpc/trace_context.h"
+#include "proto/threads/end_process.h"
 
 namespace {
 
@@ -66,5 +67,5 @@ int main(int argc, char** argv) {
   environment.local.displayed_reader = lumifold::local::ReadDisplayed;
   environment.local.film_filter = lumifold::local::FilterFilm;
   environment.local.methods = lumifold::local::DescribeMethods();
-  return client::RunClient(argc, argv, environment);
+  lumifold::threads::EndProcess(client::RunClient(argc, argv, environment));
 }

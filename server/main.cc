@@ -25,6 +25,7 @@
 #include "proto/rpc/version.h"
 #include "proto/service/help_style.h"
 #include "proto/service/service_manager.h"
+#include "proto/threads/end_process.h"
 #include "server/access/access_control.h"
 #include "server/access/setup.h"
 #include "server/commit/recover.h"
@@ -480,10 +481,10 @@ int main(int argc, char** argv) {
   if (commands.recover->parsed()) return RunRecover(flags.data_dir);
   if (commands.init->parsed()) return RunInit(flags, commands.set_up);
   if (commands.invite_admin->parsed()) return RunInviteAdmin(flags, commands.set_up);
-  if (commands.health->parsed()) return RunHealth(flags.data_dir, commands.probe);
+  if (commands.health->parsed()) lumifold::threads::EndProcess(RunHealth(flags.data_dir, commands.probe));
   if (flags.data_dir.empty()) {
     std::cerr << "lumifold-server: --data is required\n";
     return kExitUsage;
   }
-  return RunServer(flags);
+  lumifold::threads::EndProcess(RunServer(flags));
 }

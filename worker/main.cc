@@ -39,6 +39,7 @@
 #include "proto/sandbox/sandbox.h"
 #include "proto/service/help_style.h"
 #include "proto/service/service_manager.h"
+#include "proto/threads/end_process.h"
 #include "proto/threads/event.h"
 #include "spdlog/spdlog.h"
 #include "worker/availability/availability.h"
@@ -538,7 +539,8 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     problem = error.what();
   }
-  if (problem.empty()) return enroll->parsed() ? RunEnroll(flags) : RunWorkerProcess(flags);
+  if (problem.empty())
+    lumifold::threads::EndProcess(enroll->parsed() ? RunEnroll(flags) : RunWorkerProcess(flags));
   std::fprintf(stderr, "lumifold-worker: %s\n", problem.c_str());
   return kExitUsage;
 }

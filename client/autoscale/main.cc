@@ -29,6 +29,7 @@
 #include "proto/rpc/version.h"
 #include "proto/service/help_style.h"
 #include "proto/service/service_manager.h"
+#include "proto/threads/end_process.h"
 #include "spdlog/spdlog.h"
 
 namespace {
@@ -296,7 +297,7 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     problem = error.what();
   }
-  if (problem.empty()) return Run(flags);
+  if (problem.empty()) lumifold::threads::EndProcess(Run(flags));
   std::fprintf(stderr, "lumifold-autoscale: %s\n", problem.c_str());
   return static_cast<int>(client::ExitCode::kUsage);
 }

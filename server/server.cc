@@ -180,7 +180,6 @@ class ServerImpl final : public Server {
                ? absl::StrCat("audit.", absl::StrReplaceAll(Address(), {{":", "-"}, {"/", "-"}}), ".log")
                : "audit.log";
   }
-  /// Changes what the health service says of all services.
 
   // In order of construction: each uses members above it.
   ServiceHealth health_;
@@ -388,20 +387,7 @@ absl::Status ServerImpl::ShowPage() {
        .names = {HostOf(options_.page.address), HostOf(options_.listen), HostOf(Address())},
        .channel = InProcessChannel(),
        .session_key = *key,
-       .identity_of = [this](const std::string& credential) -> absl::StatusOr<access::Identity> {
-         if (access_.control == nullptr || credential.empty()) return access::LocalIdentity();
-         const absl::StatusOr<access::Credential> found =
-             access_.control->known().OfValidId(credential, options_.wall_now());
-         if (!found.ok()) return found.status();
-         return found->identity();
-       },
-       .owner_of_token = [this](absl::string_view token) -> absl::StatusOr<access::Identity> {
-         if (access_.control == nullptr) return absl::UnauthenticatedError("there are no tokens");
-         const absl::StatusOr<access::Credential> found =
-             access_.control->known().OfToken({token.data(), token.size()}, options_.wall_now());
-         if (!found.ok()) return found.status();
-         return found->identity();
-       },
+       .known = access_.control != nullptr ? &access_.control->known() : nullptr,
        .wall_now = options_.wall_now});
   if (!page.ok()) return page.status();
   page_ = *std::move(page);

@@ -229,16 +229,28 @@ class StatusPageImpl final : public StatusPage {
   absl::StatusOr<v1::PageSession> SessionOf(absl::string_view token) const {
     absl::StatusOr<v1::PageSession> session = seal_.Open(token, options_.wall_now());
     if (session.ok()) return session;
-    const absl::StatusOr<access::Identity> owner = options_.owner_of_token(token);
+    if (options_.known == nullptr) return session;
+    const absl::StatusOr<access::Credential> owner =
+        options_.known->OfToken({token.data(), token.size()}, options_.wall_now());
     if (!owner.ok()) return session;
     session.emplace();
-    session->set_credential(owner->id);
+    session->set_credential(owner->identity().id);
     session->set_expires_unix_ms(std::numeric_limits<int64_t>::max());
     return session;
   }
 
+  /// Who has a session's credential, empty for the local caller.
+  /// Errors: kUnauthenticated where nobody has it any more.
+  absl::StatusOr<access::Identity> IdentityOf(const std::string& credential) const {
+    if (options_.known == nullptr || credential.empty()) return access::LocalIdentity();
+    const absl::StatusOr<access::Credential> found =
+        options_.known->OfValidId(credential, options_.wall_now());
+    if (!found.ok()) return found.status();
+    return found->identity();
+  }
+
   absl::StatusOr<Response> AnswerSession(const v1::PageSession& session, const Request&) {
-    const absl::StatusOr<access::Identity> caller = options_.identity_of(session.credential());
+    const absl::StatusOr<access::Identity> caller = IdentityOf(session.credential());
     if (!caller.ok()) return caller.status();
     const std::map<access::Scope, std::string> names = {
         {access::Scope::kRead, "read"}, {access::Scope::kSubmit, "submit"}, {access::Scope::kAdmin, "admin"}};

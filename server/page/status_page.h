@@ -8,10 +8,9 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "absl/strings/string_view.h"
 #include "absl/time/time.h"
 #include "lumifold/v1/farm.pb.h"
-#include "server/access/identity.h"
+#include "server/access/known_credentials.h"
 
 namespace lumifold::page {
 
@@ -28,10 +27,9 @@ struct StatusPageOptions {
   std::shared_ptr<grpc::Channel> channel;
   /// Secret bytes that seal sessions.
   std::string session_key;
-  /// Who has a credential, of PageSession. Errors: kUnauthenticated where nobody has it any more.
-  std::function<absl::StatusOr<access::Identity>(const std::string& credential)> identity_of;
-  /// Who has a token of the farm. Errors: kUnauthenticated.
-  std::function<absl::StatusOr<access::Identity>(absl::string_view token)> owner_of_token;
+  /// Who has the credentials of sessions and the farm's tokens; must outlive the page. Null: whoever calls is
+  /// the local caller, and there are no tokens.
+  const access::KnownCredentials* known = nullptr;
   std::function<absl::Time()> wall_now;
   /// Watching browsers at a time.
   int viewers = 128;

@@ -6,7 +6,6 @@
 #include <chrono>
 #include <cmath>
 #include <deque>
-#include <memory>
 #include <queue>
 #include <random>
 #include <set>
@@ -14,9 +13,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "server/job/tile_grid.h"
 #include "server/scheduler/scheduler.h"
 #include "tests/bench/share_window.h"
+#include "tests/bench/unit_costs.h"
 
 namespace lumifold::sim {
 namespace {
@@ -44,7 +43,6 @@ struct SimJob {
   int user = 0;
   double weight = 1;
   int priority = 0;
-  double mean_seconds = 0;
   int64_t total = 0;
   int64_t leased = 0;  // for the first time
   bool submitted = false;
@@ -97,6 +95,7 @@ class Farm {
       : settings_(settings),
         random_(settings.seed),
         scheduler_(scheduler::SchedulerOptions{}),
+        costs_(settings),
         shares_(settings.users, absl::ToDoubleSeconds(settings.window)) {
     bytes_before_ = static_cast<int64_t>(mallinfo2().uordblks);
     scheduler_.frames().SetMaxActive(settings.max_active_frames);
@@ -118,8 +117,8 @@ class Farm {
     result_.makespan = now_ - kStart;
     double speed = 0;
     for (const SimWorker& worker : workers_) speed += worker.speed * settings_.slots;
-    result_.ideal = absl::Seconds(work_ / speed);
-    result_.longest_unit /= settings_.slowest;
+    result_.ideal = absl::Seconds(costs_.total_seconds() / speed);
+    result_.longest_unit = costs_.longest_unit() / settings_.slowest;
     return result_;
   }
 
@@ -144,25 +143,7 @@ class Farm {
     return call();
   }
 
-  v1::JobSpec Spec() const {
-    v1::JobSpec spec;
-    spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
-    const double tiles = static_cast<double>(settings_.units) / settings_.unit_scale / settings_.jobs /
-                         settings_.frames_per_job / kLayers;
-    const int columns = std::max(1, static_cast<int>(std::lround(std::sqrt(tiles))));
-    const int rows = std::max(1, static_cast<int>(std::lround(tiles / columns)));
-    spec.set_width(columns * 32);
-    spec.set_height(rows * 32);
-    spec.set_tile_size(32);
-    spec.set_samples_per_pixel(64 * (kLayers - 1));
-    spec.set_pass_samples(64);
-    spec.set_frame_count(settings_.frames_per_job);
-    return spec;
-  }
-
   void MakeJobs() {
-    spec_ = Spec();
-    units_ = std::make_unique<job::FrameUnits>(spec_);
     for (int i = 0; i < settings_.jobs; ++i) {
       SimJob job;
       job.id = JobId(absl::StrCat("j-", i));
@@ -170,23 +151,14 @@ class Farm {
       job.priority = i % 5 == 0 ? settings_.high_priority : 0;
       job.is_bad = i < settings_.bad_jobs;
       job.weight = std::exp2(job.priority / 10.0);
-      job.mean_seconds = absl::ToDoubleSeconds(settings_.mean_unit) * settings_.unit_scale *
-                         LogUniform(settings_.job_spread);
-      job.total = units_->count() * spec_.frame_count();
+      costs_.AddJob(absl::ToDoubleSeconds(settings_.mean_unit) * settings_.unit_scale *
+                    LogUniform(settings_.job_spread));
+      job.total = costs_.units_of_a_job();
       numbers_[job.id] = i;
       result_.units += job.total;
       const double turn = static_cast<double>(i / settings_.users) * settings_.users / settings_.jobs;
       jobs_.push_back(std::move(job));
       Push(settings_.arrivals * turn, Event::kSubmit, i, 0);
-    }
-    for (int i = 0; i < settings_.jobs; ++i) {
-      for (int frame = 0; frame < spec_.frame_count(); ++frame) {
-        for (int64_t number = 0; number < units_->count(); ++number) {
-          const double seconds = Cost(i, units_->KeyOf(frame, number));
-          work_ += seconds;
-          result_.longest_unit = std::max(result_.longest_unit, absl::Seconds(seconds));
-        }
-      }
     }
   }
 
@@ -203,20 +175,6 @@ class Farm {
         Push(settings_.alone, Event::kReboot, i, 0);
       }
     }
-  }
-
-  /// A hash of the unit in [-1, 1], so that a unit costs the same whoever renders it.
-  static double Variate(int job, const job::UnitKey& key) {
-    uint64_t hash = static_cast<uint64_t>(job) * 0x9e3779b97f4a7c15u;
-    for (const int32_t part : {key.frame, key.tile, key.pass, static_cast<int32_t>(key.kind)}) {
-      hash = (hash ^ static_cast<uint32_t>(part)) * 0xff51afd7ed558ccdu;
-      hash ^= hash >> 32;
-    }
-    return static_cast<double>(hash >> 11) / 4503599627370496.0 - 1;
-  }
-
-  double Cost(int job, const job::UnitKey& key) const {
-    return jobs_[static_cast<size_t>(job)].mean_seconds * std::pow(settings_.unit_spread, Variate(job, key));
   }
 
   void Connect(int64_t index) {
@@ -274,7 +232,7 @@ class Farm {
     job.submitted = true;
     job.submitted_at = now_;
     Timed([&] {
-      scheduler_.jobs().Add(job.id, spec_,
+      scheduler_.jobs().Add(job.id, costs_.spec(),
                             {.priority = job.priority,
                              .user = absl::StrCat("user-", job.user),
                              .audit_share = settings_.audit_share});
@@ -312,7 +270,7 @@ class Farm {
       worker.hung.insert(lease.attempt.value());
       return;
     }
-    double seconds = Cost(index, lease.unit.key) / worker.speed;
+    double seconds = costs_.SecondsOf(index, lease.unit.key) / worker.speed;
     if (Uniform() < settings_.straggler_share) seconds *= kStraggler;
     absl::Duration time = absl::Seconds(seconds) + settings_.network * Uniform();
     if (Load(worker, index)) time += settings_.scene_load;
@@ -564,8 +522,6 @@ class Farm {
     return weights;
   }
 
-  /// Units of a tile: geometry and passes.
-  static constexpr int kLayers = 5;
   /// What malloc counts for an entry of first_leased_, which is ours and not the scheduler's.
   static constexpr size_t kFirstLeasedBytes = 96;
 
@@ -578,11 +534,9 @@ class Farm {
   int64_t sequence_ = 0;
   int64_t ticks_ = 0;
   std::priority_queue<Item, std::vector<Item>, std::greater<>> queue_;
-  v1::JobSpec spec_;
-  std::unique_ptr<job::FrameUnits> units_;
+  UnitCosts costs_;
   std::vector<SimJob> jobs_;
   std::map<JobId, int> numbers_;
-  double work_ = 0;  // seconds on the reference machine
   int ended_jobs_ = 0;
   std::vector<SimWorker> workers_;
   int64_t next_worker_ = 1;

@@ -55,10 +55,6 @@ class Fixture {
                                  .names = {},
                                  .channel = server_->InProcessChannel({}),
                                  .session_key = kKey,
-                                 .identity_of = [](const std::string&) { return access::Identity(); },
-                                 .owner_of_token = [](absl::string_view) -> absl::StatusOr<access::Identity> {
-                                   return absl::UnauthenticatedError("no token");
-                                 },
                                  .wall_now = [] { return kNow; }});
     if (!started.ok()) Fail("cannot start", std::string(started.status().message()));
     page_ = *std::move(started);

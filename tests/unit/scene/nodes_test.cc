@@ -24,6 +24,7 @@ GltfFixture TriangleOfOneNode() {
 
 std::vector<Vec3> Origins(const Scene& scene) {
   std::vector<Vec3> origins;
+  origins.reserve(scene.instances.size());
   for (const Instance& instance : scene.instances) origins.push_back(instance.world_from_object.origin);
   return origins;
 }

@@ -106,8 +106,7 @@ class SecondCoordinatorTest(WithPostgres):
                 first.client("revoke", "bob")  # at the first
                 wait_until(
                     lambda: "was revoked" in second.client("list", "--profile", bob, check=False).stderr,
-                    "the revocation at the second",
-                    seconds=30)
+                    "the revocation at the second")
                 first.server.stop()
                 # The job is the second one's now, and waits for its scene.
                 worker = second.start_worker("--profile", node)

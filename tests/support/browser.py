@@ -11,7 +11,7 @@ import urllib.error
 import urllib.request
 
 ELEMENT = "element-6066-11e4-a52e-4f735466cecf"  # of the protocol
-PATIENCE_SECONDS = 60
+PATIENCE_SECONDS = 300
 KEYS = {"escape": "\ue00c", "enter": "\ue007", "tab": "\ue004"}
 
 

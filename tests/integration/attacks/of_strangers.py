@@ -209,7 +209,7 @@ def open_connections(world):
     closed = 0
     for _ in range(CONNECTIONS):
         try:
-            connection = connect(world, seconds=0.5)
+            connection = connect(world, seconds=3)
             connection.sendall(raw_http2.PREFACE + raw_http2.frame(raw_http2.SETTINGS, 0, 0))
             connections.append(connection)
         except TimeoutError:

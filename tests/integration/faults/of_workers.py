@@ -10,7 +10,7 @@ from world import LEASE_SECONDS, Picture, Setup
 DELIVERED = ("event=hostile .*unit=", "units")
 FOREIGN_TOKEN = ("token of another job", "units")
 GARBAGE_CONNECTIONS = 20
-ANSWER_SECONDS = 5
+ANSWER_SECONDS = 60
 MAX_WARNINGS = 101  # with the line that counts the others
 LONG = Picture(samples=512)
 # What a worker does to units that are then refused, in turn.

@@ -92,7 +92,7 @@ TEST(LineWriter, EndsThoughAWriteHangs) {
                       std::make_unique<HangingFile>(written));
     writer.Add("line\n");
   }
-  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5)) << "10 were milliseconds";
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::minutes(1)) << "10 were milliseconds";
   EXPECT_THAT(written->Batches(), IsEmpty());
   written->may_end.Notify();
   EXPECT_TRUE(written->closed.WaitFor(absl::Minutes(5)));

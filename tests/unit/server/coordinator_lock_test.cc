@@ -35,7 +35,7 @@ class LockProbe {
     const int64_t number = ++asked_;
     changed_.notify_all();
     const bool is_free =
-        changed_.wait_for(lock, std::chrono::seconds(20), [&] { return answered_ >= number; });
+        changed_.wait_for(lock, std::chrono::minutes(5), [&] { return answered_ >= number; });
     EXPECT_TRUE(is_free) << "the coordinator's lock is held during " << call;
     calls_.insert(call);
   }

@@ -1,4 +1,5 @@
-// The scene loader. For any bytes, loading must return a valid Scene or an error of one line, within the given limits.
+// The scene loader. For any bytes, loading must return a valid Scene or an error of one line, within the
+// given limits.
 
 #include <cstdint>
 #include <string>

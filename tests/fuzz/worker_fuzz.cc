@@ -20,7 +20,8 @@ constexpr char kScene[] = R"({"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}]
   "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
   "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],
   "bufferViews":[{"buffer":0,"byteLength":36}],
-  "buffers":[{"byteLength":36,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]})";
+  "buffers":[{"byteLength":36,
+    "uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]})";
 
 /// A unit that is larger is stopped at once: only whether it is accepted is of interest.
 constexpr int64_t kMaxSamples = 4096;

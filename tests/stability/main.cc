@@ -2,10 +2,10 @@
 //
 //   lumifold-stability                         all cells, as a table on stdout
 //   lumifold-stability --column default --kept docs/results/stability.csv
-//                                              the default method, compared with its kept figures: what the gate runs,
-//                                              with --except for what takes long
-//   lumifold-stability --output docs/results   writes stability.md and stability.csv; with --column or --case, the
-//                                              other cells are kept from the existing CSV
+//                                              the default method, compared with its kept figures:
+//                                              what the gate runs, with --except for what takes long
+//   lumifold-stability --output docs/results   writes stability.md and stability.csv; with --column or
+//                                              --case, the other cells are kept from the existing CSV
 //   lumifold-stability --crop 6:paper out.png  the pictures of a cell: noisy, filtered, truth, side by side
 //
 // Fails if the default method fails a case without a known failure, or is worse than a known one; with

@@ -1,6 +1,6 @@
 // A worker for tests: it renders as lumifold-worker does, but breaks the protocol in the way that --behaviour
-// names, or in several by turns. It writes "event=hostile" with what it did to standard error for each unit, so
-// that a test knows that it did harm.
+// names, or in several by turns. It writes "event=hostile" with what it did to standard error for each unit,
+// so that a test knows that it did harm.
 #include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
 #include <signal.h>

@@ -114,8 +114,8 @@ TEST(SceneAssets, HashTheSceneAndItsFilesAlsoInAnAllowedFolder) {
   const ScratchFolder folder;
   folder.Write("textures/wood floor.png", "abc");
   folder.Write("scenes/mesh.bin", "");
-  const std::string json =
-      R"({"asset":{"version":"2.0"},"buffers":[{"uri":"mesh.bin"}],"images":[{"uri":"../textures/wood%20floor.png"}]})";
+  const std::string json = R"({"asset":{"version":"2.0"},"buffers":[{"uri":"mesh.bin"}],)"
+                           R"("images":[{"uri":"../textures/wood%20floor.png"}]})";
   for (const std::string& content : {json, Glb(json)}) {
     const std::string path = folder.Write("scenes/room.glb", content);
     const SceneAssets assets = Find(path, {.allowed_folders = {folder.File("textures")}}).value();

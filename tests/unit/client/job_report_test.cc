@@ -28,11 +28,11 @@ v1::JobStatus SampleJob() {
 TEST(JobJson, HasEveryFieldInAStableOrder) {
   EXPECT_EQ(
       JobJson(SampleJob(), {{"output", "a.exr"}}),
-      R"({"schema_version":1,"job_id":"j7","state":"running","name":"room \"A\".glb","error":"","warnings":["no light"],)"
-      R"("submitted_unix_ms":1700000000000,"workers":3,"units_done":5,"units_total":20,"frames_done":0,)"
-      R"("frames_total":1,"samples_done":1000,"samples_total":4000,"bad_samples":0,"render_seconds":1.5,)"
-      R"("assemble_seconds":0.0,"filter_seconds":0.0,"write_seconds":0.0,"user":"ann","priority":5,"tags":["gpu"],)"
-      R"("max_leases":0,"after":[],"class":"","audit_share":0.0,"output":"a.exr"})");
+      R"({"schema_version":1,"job_id":"j7","state":"running","name":"room \"A\".glb","error":"",)"
+      R"("warnings":["no light"],"submitted_unix_ms":1700000000000,"workers":3,"units_done":5,)"
+      R"("units_total":20,"frames_done":0,"frames_total":1,"samples_done":1000,"samples_total":4000,"bad_samples":0,"render_seconds":1.5,)"
+      R"("assemble_seconds":0.0,"filter_seconds":0.0,"write_seconds":0.0,"user":"ann","priority":5,)"
+      R"("tags":["gpu"],"max_leases":0,"after":[],"class":"","audit_share":0.0,"output":"a.exr"})");
 }
 
 TEST(JobJson, ReplacesBytesThatAreNoText) {
@@ -126,13 +126,14 @@ TEST(JobReport, SaysWithWhichOptionsAJobWasSubmitted) {
   settings.set_cryptomatte(true);
   settings.mutable_planning()->add_forced("levels=2");
   settings.mutable_planning()->add_forced("glossy=1");
-  EXPECT_NE(
-      JobJson(job).find(
-          R"("width":64,"height":48,"samples_per_pixel":256,"options":{"size":"1920x1080","region":"100,0,164,48",)"
-          R"("frames":"1-48,60","fps":24.0,"spp":256,"adaptive":true,"target-error":0.5,"target-metric":"mse255",)"
-          R"("seed":0,"max-bounces":8,"method":"default","camera":"front door","env":"sky.exr","env-rotate":0.0,)"
-          R"("env-scale":0.1,"background":"transparent","ground":"shadow","f-stop":2.8,"focus":0.0,"cryptomatte":true,"force":["levels=2","glossy=1"]})"),
-      std::string::npos)
+  EXPECT_NE(JobJson(job).find(
+                R"("width":64,"height":48,"samples_per_pixel":256,"options":{"size":"1920x1080",)"
+                R"("region":"100,0,164,48","frames":"1-48,60","fps":24.0,"spp":256,"adaptive":true,)"
+                R"("target-error":0.5,"target-metric":"mse255","seed":0,"max-bounces":8,"method":"default",)"
+                R"("camera":"front door","env":"sky.exr","env-rotate":0.0,"env-scale":0.1,)"
+                R"("background":"transparent","ground":"shadow","f-stop":2.8,"focus":0.0,"cryptomatte":true,)"
+                R"("force":["levels=2","glossy=1"]})"),
+            std::string::npos)
       << JobJson(job);
   EXPECT_NE(
       JobText(job).find("\nsize: 64x48\nsamples per pixel: 256\noptions: --region 100,0,164,48 --fps 24.0 "

@@ -436,8 +436,8 @@ TEST_F(RunClientTest, ListsAllWorkers) {
   EXPECT_THAT(
       Out(),
       StartsWith(
-          R"({"schema_version":1,"worker_id":"w-1","name":"node:1","process":"","state":"busy","reason":"","class":"",)"
-          R"("tags":["gpu"],"slots":8,"leases":5,)"));
+          R"({"schema_version":1,"worker_id":"w-1","name":"node:1","process":"","state":"busy","reason":"",)"
+          R"("class":"","tags":["gpu"],"slots":8,"leases":5,)"));
   EXPECT_EQ(farm_.calls().size(), 6u);
 }
 

@@ -262,8 +262,8 @@ TEST_F(ExrFilmTest, AnyNumberOfThreadsGivesTheSameFileAndPicture) {
   SetExrThreads(1);
 }
 
-/// A file of two parts off the origin, with attributes of several types, as compositors write it: "rgba" with R
-/// and G in half floats, and "diffuse" with R and B.
+/// A file of two parts off the origin, with attributes of several types, as compositors write it: "rgba" with
+/// R and G in half floats, and "diffuse" with R and B.
 void WriteTwoParts(const std::string& path) {
   Imf::Header picture({{0, 0}, {99, 79}}, {{10, 20}, {12, 21}});
   Imf::addOwner(picture, "the studio");

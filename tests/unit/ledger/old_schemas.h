@@ -54,8 +54,8 @@ PRAGMA user_version=2;
 inline constexpr char kRowsOfSchema2[] = R"(
 INSERT INTO jobs(number, id, request_id, spec, state, numeric_class, submitted_ms, started_ms, units_done,
                  samples_done, bad_samples, filter_seconds) VALUES
-  (3, 'j-a', 'r-1', x'0a16120a0a08776f6f642e706e671a08726f6f6d2e676c62188005', 1, 'avx2', 1700000000123, 1700000000200,
-   3, 300, 3, 2.5);
+  (3, 'j-a', 'r-1', x'0a16120a0a08776f6f642e706e671a08726f6f6d2e676c62188005', 1, 'avx2', 1700000000123,
+   1700000000200, 3, 300, 3, 2.5);
 INSERT INTO jobs(number, id, request_id, spec, state, error, submitted_ms, units_done) VALUES
   (4, 'j-ended', 'r-2', x'188005', 5, 'broken', 1700000000124, 1),
   (7, 'j-damaged', 'r-3', x'ffffff', 1, '', 1700000000125, 0);

@@ -8,7 +8,8 @@
 
 namespace lumifold::ledger {
 
-/// The server of this program, which the first call starts; nullptr, with a message in `why_not`, where there is none.
+/// The server of this program, which the first call starts; nullptr, with a message in `why_not`, where there
+/// is none.
 PrivatePostgres* PostgresServer(std::string* why_not);
 
 /// A schema of its own in the server's database.

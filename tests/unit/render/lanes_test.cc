@@ -1,5 +1,5 @@
-// Paths that are shaded side by side have the bits that each has alone, whatever the vectors' width, the stream
-// and the materials beside them.
+// Paths that are shaded side by side have the bits that each has alone, whatever the vectors' width, the
+// stream and the materials beside them.
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 

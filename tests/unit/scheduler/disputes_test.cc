@@ -1,4 +1,5 @@
-// Whose fault it is: no bad machine fails a job that another one can render, and no bad job costs the farm much.
+// Whose fault it is: no bad machine fails a job that another one can render, and no bad job costs the farm
+// much.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

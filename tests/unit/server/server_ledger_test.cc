@@ -87,8 +87,8 @@ TEST_F(ServerLedgerTest, JobsAreListedInPagesByStateAndUser) {
   EXPECT_THAT(Ids(List(active).second), IsEmpty());
   active.add_states(v1::JOB_STATE_CANCELLED);
   EXPECT_THAT(Ids(List(active).second), ElementsAre(jobs[2]));
-  // A page of the ledger may hold fewer jobs in a state than the limit: it is read on until there are as many,
-  // and no more.
+  // A page of the ledger may hold fewer jobs in a state than the limit: it is read on until there are as
+  // many, and no more.
   jobs.push_back(*Submit(Spec(), "request-5"));
   for (const size_t i : {0u, 5u}) {
     v1::PauseJobRequest pause;

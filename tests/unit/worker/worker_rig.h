@@ -19,7 +19,8 @@ inline constexpr char kScene[] = R"({"asset":{"version":"2.0"},"scenes":[{"nodes
   "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
   "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],
   "bufferViews":[{"buffer":0,"byteLength":36}],
-  "buffers":[{"byteLength":36,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]})";
+  "buffers":[{"byteLength":36,
+    "uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]})";
 
 /// Leaves out the fragments of passes, so that a pass of a small tile is one message. Heartbeats are kept
 /// apart.

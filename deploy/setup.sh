@@ -9,7 +9,7 @@ packages=(
   libembree-dev libdraco-dev libmeshoptimizer-dev libwebp-dev libopenexr-dev libpng-dev libjpeg-dev libtinygltf-dev nlohmann-json3-dev
   libgrpc++-dev protobuf-compiler protobuf-compiler-grpc libprotobuf-dev libabsl-dev
   libspdlog-dev libfmt-dev libcli11-dev libyaml-cpp-dev libopencolorio-dev libsqlite3-dev libpq-dev libssl-dev libxxhash-dev libzstd-dev
-  prometheus-cpp-dev libboost-dev libseccomp-dev zlib1g-dev
+  prometheus-cpp-dev libboost-dev libseccomp-dev zlib1g-dev libcurl4-openssl-dev
   libtbb-dev libeigen3-dev libhwy-dev
 )
 test_packages=(clang libclang-rt-dev libgtest-dev libgmock-dev libbenchmark-dev python3 git clang-format-19 clang-tidy-19

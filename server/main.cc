@@ -111,6 +111,7 @@ struct Flags {
   FilterFlags filter;
   DiskFlags disk;
   LimitFlags limits;
+  lumifold::webhooks::WebhookOptions webhooks;
 };
 
 /// The subcommands, and their flags beside Flags.
@@ -203,6 +204,20 @@ void AddDiskFlags(CLI::App* app, DiskFlags* flags) {
       ->capture_default_str();
 }
 
+void AddWebhookFlags(CLI::App* app, lumifold::webhooks::WebhookOptions* options) {
+  app->add_option(
+         "--webhook-hosts", options->hosts,
+         "Hosts whose webhooks may be called when jobs have ended, by http and https (default: none)")
+      ->type_name("HOST[:PORT],...");
+  app->add_option("--webhook-secret", options->secret_path,
+                  "File whose first line signs these calls (default: DIR/webhook.secret, made if it is "
+                  "missing)")
+      ->type_name("FILE");
+  app->add_option("--webhook-ca", options->ca_path,
+                  "PEM file of the authorities of their certificates (default: the system's)")
+      ->type_name("FILE");
+}
+
 void AddFlags(CLI::App* app, Flags* flags) {
   AddAddresses(app, flags);
   AddFilterFlags(app, &flags->filter);
@@ -214,6 +229,7 @@ void AddFlags(CLI::App* app, Flags* flags) {
       ->check(CLI::Range(0.01, 3600.0))
       ->capture_default_str();
   AddDiskFlags(app, &flags->disk);
+  AddWebhookFlags(app, &flags->webhooks);
   lumifold::logging::AddLogFlags(app, &flags->log);
   app->set_version_flag("--version", "lumifold-server " + std::string(lumifold::rpc::kVersion),
                         "Print the version and exit");
@@ -363,7 +379,8 @@ int Serve(lumifold::server::ServerOptions options, const sigset_t& end_signals, 
 
 int RunServer(const Flags& flags) {
   umask(077);  // SQLite makes the ledger's files by itself
-  if (lumifold::access::HasAccessFolder(lumifold::server::DataFolder(flags.data_dir).AccessPath()))
+  if (lumifold::access::HasAccessFolder(lumifold::server::DataFolder(flags.data_dir).AccessPath()) ||
+      !flags.webhooks.hosts.empty())
     lumifold::identity::ProtectMemory();
   const sigset_t end_signals = BlockEndSignals();
   RaiseFileLimit();
@@ -391,6 +408,7 @@ int RunServer(const Flags& flags) {
   if (flags.disk.quota_gb > 0)
     options.data.retention.quota_bytes = static_cast<uint64_t>(flags.disk.quota_gb * kBytesPerGb);
   options.limits = LimitsOf(flags.limits);
+  options.webhooks = flags.webhooks;
   options.log = log;
   options.farm.advertise = flags.farm.advertise;
   options.farm.failover = absl::Seconds(flags.farm.failover_seconds);

@@ -14,6 +14,7 @@
 #include "server/limits.h"
 #include "server/storage/retention.h"
 #include "server/storage/storage_options.h"
+#include "server/webhooks/webhooks.h"
 
 namespace spdlog {
 class logger;
@@ -84,6 +85,7 @@ struct ServerOptions {
   PageOptions page;
   SecurityOptions security;
   FarmOptions farm;
+  webhooks::WebhookOptions webhooks;
   absl::Duration lease = absl::Seconds(30);
   absl::Duration heartbeat = absl::Seconds(5);
   /// The program has a worker of its own, and there will be no other.

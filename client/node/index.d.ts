@@ -25,6 +25,8 @@ export interface RenderOptions {
   /** The job begins when these are done. */
   after?: Job[];
   paused?: boolean;
+  /** A URL that is called when the job has ended, at a host that the farm's operator allows. */
+  webhook?: string;
   /** Further fields of JobSpec (proto/lumifold/v1/job.proto), which count more. */
   spec?: Record<string, unknown>;
   /** Called with bytes that were sent, and bytes in all. */

@@ -55,7 +55,7 @@ export class Farm {
   async render(path, {
     size = [1024, 768], samples = 64, frames = [0], camera = "", method = "default", maxBounces = 8, seed = 0,
     framesPerSecond = 0, name = "", user, priority = 0, tags = [], after = [],
-    paused = false, spec = {}, uploaded = () => {},
+    paused = false, webhook = "", spec = {}, uploaded = () => {},
   } = {}) {
     const [file, ...others] = await assetsOf(path);
     await this.#upload([file, ...others], uploaded);
@@ -67,7 +67,7 @@ export class Farm {
       max_bounces: maxBounces, frames_per_second: framesPerSecond, filter: {method}, ...spec,
     };
     const scheduling = {
-      name, user: user ?? await this.#user(), priority, tags, after: after.map(({id}) => id), paused,
+      name, user: user ?? await this.#user(), priority, tags, after: after.map(({id}) => id), paused, webhook,
     };
     const request = {spec: job, request_id: randomBytes(16).toString("hex"), scheduling};
     return new Job(this.transport, (await this.transport.call("SubmitJob", request)).job_id);

@@ -26,6 +26,8 @@ void SchedulingOptions::AddTo(CommandLine& command_line) {
   command_line.AddText("--class", "CLASS", &numeric_class,
                        "Only workers of this numeric class (default: that of the first unit)");
   command_line.AddFlag("--paused", &paused, "Submit it paused; see 'lumifold resume'");
+  command_line.AddText("--webhook", "URL", &webhook,
+                       "Call this URL when the job has ended; the farm's operator allows hosts");
   command_line.AddShare("--audit-share", &audit_share,
                         "Share of the units that two workers render, to find faulty ones (default 0)");
 }
@@ -40,6 +42,7 @@ v1::Scheduling SchedulingOptions::ToProto() const {
   for (const std::string& job : after) scheduling.add_after(job);
   scheduling.set_numeric_class(numeric_class);
   scheduling.set_paused(paused);
+  scheduling.set_webhook(rpc::AsUtf8(webhook));
   scheduling.set_audit_share(static_cast<double>(audit_share));
   return scheduling;
 }

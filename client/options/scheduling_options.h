@@ -31,6 +31,7 @@ struct SchedulingOptions {
   std::vector<std::string> after;
   std::string numeric_class;
   bool paused = false;
+  std::string webhook;
   float audit_share = 0;
 };
 

@@ -156,6 +156,10 @@ std::string ServerStatusText(const v1::ServerStatus& status) {
   line("active jobs", status.active_jobs());
   line("frames in flight", status.frames_in_flight());
   line("encrypted", status.insecure() ? "no" : "yes");
+  if (const v1::WebhookCounts& webhooks = status.webhooks(); status.has_webhooks()) {
+    line("webhooks", webhooks.waiting(), " waiting, ", webhooks.delivered(), " delivered, ",
+         webhooks.failed(), " failed tries, ", webhooks.given_up(), " given up");
+  }
   for (const v1::CoordinatorStatus& one : status.coordinators()) {
     line("coordinator", one.name(), " at ", one.address(), ", epoch ", one.epoch(), ": active jobs ",
          one.active_jobs(), ", workers ", one.workers(), ", slots ", one.slots(), ", demand ", one.demand());
@@ -175,6 +179,12 @@ std::string ServerStatusJson(const v1::ServerStatus& status) {
   json["active_jobs"] = status.active_jobs();
   json["frames_in_flight"] = status.frames_in_flight();
   json["insecure"] = status.insecure();
+  if (const v1::WebhookCounts& webhooks = status.webhooks(); status.has_webhooks()) {
+    json["webhooks"] = {{"waiting", webhooks.waiting()},
+                        {"delivered", webhooks.delivered()},
+                        {"failed", webhooks.failed()},
+                        {"given_up", webhooks.given_up()}};
+  }
   for (const v1::CoordinatorStatus& one : status.coordinators()) {
     json["coordinators"].push_back({{"name", one.name()},
                                     {"address", one.address()},

@@ -43,6 +43,38 @@ int PercentDone(const v1::JobStatus& status) {
   return static_cast<int>(std::min<int64_t>(100 * status.samples_done() / status.samples_total(), 100));
 }
 
+std::string WebhookStateName(v1::WebhookDelivery::State state) {
+  switch (state) {
+    case v1::WebhookDelivery::STATE_DELIVERED:
+      return "delivered";
+    case v1::WebhookDelivery::STATE_GIVEN_UP:
+      return "given up";
+    default:
+      return "waiting";
+  }
+}
+
+/// "https://..., delivered, tries 2"; of a job that has a webhook.
+std::string WebhookText(const v1::JobStatus& status) {
+  std::string text = rpc::Printable(status.scheduling().webhook());
+  if (!status.has_webhook()) return text;
+  const v1::WebhookDelivery& delivery = status.webhook();
+  absl::StrAppend(&text, ", ", WebhookStateName(delivery.state()), ", tries ", delivery.tries());
+  if (!delivery.error().empty()) absl::StrAppend(&text, ", last failure: ", rpc::Printable(delivery.error()));
+  return text;
+}
+
+nlohmann::ordered_json WebhookJson(const v1::JobStatus& status) {
+  nlohmann::ordered_json json{{"url", status.scheduling().webhook()}};
+  if (!status.has_webhook()) return json;
+  const v1::WebhookDelivery& delivery = status.webhook();
+  json["state"] = WebhookStateName(delivery.state());
+  json["delivery_id"] = delivery.delivery_id();
+  json["tries"] = delivery.tries();
+  json["error"] = delivery.error();
+  return json;
+}
+
 /// "0.83 MSE255, target 0.5 not reached: ..."; of a status with an estimated error.
 std::string ErrorText(const v1::JobStatus& status) {
   const v1::AdaptiveSampling& adaptive = status.adaptive();
@@ -151,6 +183,7 @@ std::string JobJson(const v1::JobStatus& status,
   json["after"] = scheduling.after();
   json["class"] = scheduling.numeric_class();
   json["audit_share"] = scheduling.audit_share();
+  if (!scheduling.webhook().empty()) json["webhook"] = WebhookJson(status);
   if (!status.coordinator().empty()) json["coordinator"] = status.coordinator();
   if (!scheduling.trace_id().empty()) json["trace_id"] = scheduling.trace_id();
   for (const auto& [name, text] : more) json[name] = text;
@@ -174,6 +207,7 @@ std::string JobText(const v1::JobStatus& status) {
   if (scheduling.tags_size() > 0) line("tags", rpc::Printable(absl::StrJoin(scheduling.tags(), ", ")));
   if (scheduling.max_leases() > 0) line("max leases", scheduling.max_leases());
   if (scheduling.after_size() > 0) line("after", absl::StrJoin(scheduling.after(), ", "));
+  if (!scheduling.webhook().empty()) line("webhook", WebhookText(status));
   if (!status.coordinator().empty()) line("coordinator", status.coordinator());
   if (!scheduling.trace_id().empty()) line("trace", scheduling.trace_id());
   if (status.width() > 0) {

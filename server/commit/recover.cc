@@ -108,7 +108,7 @@ class Recovery {
     ++(has_ended ? ended_ : active_);
     std::vector<int32_t> finished;
     if (absl::Status status = AddResults(job, has_ended, &finished); !status.ok()) return status;
-    if (has_ended) return store_.EndJob({job, owner_.epoch}, manifest->end_state(), manifest->error());
+    if (has_ended) return store_.EndJob({job, owner_.epoch}, {manifest->end_state(), manifest->error()});
     return AddUnits(job, finished);
   }
 

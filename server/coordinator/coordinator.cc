@@ -52,6 +52,14 @@ absl::StatusOr<std::unique_ptr<Coordinator>> Coordinator::Create(const Coordinat
   std::unique_ptr<Coordinator> coordinator(new Coordinator(
       options, options.is_member ? folder.WithLogsOf(absl::StrCat("e", epoch->value())) : folder, store,
       assets, finisher, {OwnerName(options.random()), *epoch}));
+  absl::StatusOr<std::unique_ptr<webhooks::Webhooks>> webhooks =
+      webhooks::Webhooks::Open(options.webhooks, {.secret_path = folder.WebhookSecretPath(),
+                                                  .queue = &store->deliveries(),
+                                                  .wall_now = options.wall_now,
+                                                  .random = options.random,
+                                                  .log = options.log});
+  if (!webhooks.ok()) return webhooks.status();
+  coordinator->resources_.webhooks = *std::move(webhooks);
   if (absl::Status status = coordinator->operators_->ReadBlockedWorkers(); !status.ok()) return status;
   if (!options.is_member) {
     if (absl::Status status = coordinator->RestoreJobs(); !status.ok()) return status;
@@ -61,6 +69,7 @@ absl::StatusOr<std::unique_ptr<Coordinator>> Coordinator::Create(const Coordinat
   coordinator->cleanup_->janitor().Start();
   coordinator->finishing_->Start();
   coordinator->housekeeping_->Start();
+  coordinator->resources_.webhooks->Start();
   return coordinator;
 }
 
@@ -164,6 +173,7 @@ void Coordinator::Shutdown() {
   housekeeping_->Join();
   changes_->Stop();
   takeover_->Stop();
+  if (resources_.webhooks != nullptr) resources_.webhooks->Stop();
   cleanup_->Stop();
 }
 

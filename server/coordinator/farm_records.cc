@@ -33,9 +33,19 @@ absl::Status FarmRecords::WriteFailedFrame(const JobId& job) {
   return absl::IsFailedPrecondition(status) ? absl::OkStatus() : status;  // an earlier try has ended it
 }
 
+std::optional<ledger::NewDelivery> FarmRecords::WebhookOf(const JobId& job) {
+  v1::JobStatus ended;
+  {
+    FarmState::View farm(state_);
+    if (const EndingJob* const ending = farm->jobs.FindEnding(job); ending != nullptr)
+      ended = StatusOfEndedJob(ending->record);
+  }
+  return resources_->webhooks->DeliveryOf(ended);
+}
+
 absl::Status FarmRecords::WriteEnd(const JobId& job, v1::JobState state, const std::string& error) {
   absl::Status status = WriteFailedFrame(job);
-  if (status.ok()) status = resources_->store->EndJob(resources_->Owned(job), state, error);
+  if (status.ok()) status = resources_->store->EndJob(resources_->Owned(job), {state, error, WebhookOf(job)});
   // Whoever waits is told now; the order stays and is carried out when the storage can be written.
   if (IsStorageError(status)) {
     AnswerCancels(job,
@@ -66,6 +76,7 @@ void FarmRecords::OnEndRecorded(const JobId& job, const absl::Status& status) {
                             logging::Quoted(status.message()));
     return;
   }
+  if (!ended.record.scheduling.webhook().empty()) resources_->webhooks->Wake();
   cleanup_->janitor().JobEnded(job, ended.record.state, ended.record.error);
   cleanup_->PurgeUnits();
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -46,6 +47,8 @@ class FarmRecords final : public FarmEffects {
  private:
   /// Records which frame has failed the job that is ending, if one has.
   absl::Status WriteFailedFrame(const job::JobId& job);
+  /// The call of its webhook that is recorded with the job's end.
+  std::optional<ledger::NewDelivery> WebhookOf(const job::JobId& job);
   absl::Status WriteEnd(const job::JobId& job, v1::JobState state, const std::string& error);
   void OnEndRecorded(const job::JobId& job, const absl::Status& status);
 

@@ -76,7 +76,13 @@ absl::Status JobQueries::CheckHasEnded(const v1::JobStatus& status) {
 }
 
 absl::StatusOr<v1::JobStatus> JobQueries::GetJob(const std::string& job_id) {
-  return StatusOf(JobId(job_id));
+  absl::StatusOr<v1::JobStatus> status = StatusOf(JobId(job_id));
+  if (!status.ok() || status->scheduling().webhook().empty() || !job::HasEnded(status->state()))
+    return status;
+  const absl::StatusOr<std::optional<v1::WebhookDelivery>> delivery = resources_->webhooks->StatusOf(job_id);
+  if (!delivery.ok()) return delivery.status();
+  if (delivery->has_value()) *status->mutable_webhook() = **delivery;
+  return status;
 }
 
 absl::StatusOr<std::string> JobQueries::UserOf(const std::string& job_id) {
@@ -252,6 +258,8 @@ absl::StatusOr<v1::ServerStatus> JobQueries::GetServerStatus() {
     status.set_storage_error(outage->error);
     status.set_storage_error_since_unix_ms(absl::ToUnixMillis(outage->since));
   }
+  if (const std::optional<v1::WebhookCounts> counts = resources_->webhooks->counts(); counts.has_value())
+    *status.mutable_webhooks() = *counts;
   FarmState::View farm(state_);
   status.set_workers(static_cast<int32_t>(farm->workers.connected().size()));
   for (const auto& [id, worker] : farm->workers.connected()) status.set_slots(status.slots() + worker.slots);

@@ -38,6 +38,7 @@ monitoring::FarmMetrics MetricsOf(const Resources& resources, FarmState* state) 
   metrics.traffic.assets_sent = resources.traffic.assets_sent;
   metrics.traffic.units_sent = resources.traffic.units_sent;
   metrics.traffic.results_received = resources.traffic.results_received;
+  metrics.webhooks = resources.webhooks->counts().value_or(v1::WebhookCounts());
   FarmState::View farm(state);
   const scheduler::Metrics counts = farm->scheduler.CountAll();
   metrics.units_queued = counts.units_queued;

@@ -8,6 +8,7 @@
 #include "server/coordinator/finish_options.h"
 #include "server/storage/retention.h"
 #include "server/storage/storage_options.h"
+#include "server/webhooks/webhooks.h"
 
 namespace spdlog {
 class logger;
@@ -69,6 +70,8 @@ struct CoordinatorOptions {
   JobLimits limits;
   /// What is kept of jobs that have ended. The free bytes of the disk are set by the coordinator.
   RetentionLimits retention;
+  /// Calls when jobs have ended.
+  webhooks::WebhookOptions webhooks;
   Notifications notify;
   JobLog job_log;
   /// Reads assets again that workers could not get; must be stopped before the coordinator ends.

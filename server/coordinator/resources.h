@@ -1,5 +1,7 @@
 #pragma once
 
+#include <memory>
+
 #include "absl/status/status.h"
 #include "absl/time/time.h"
 #include "server/coordinator/options.h"
@@ -8,6 +10,7 @@
 #include "server/metrics/traffic.h"
 #include "server/storage/data_folder.h"
 #include "server/storage/storage_state.h"
+#include "server/webhooks/webhooks.h"
 
 namespace lumifold::server {
 
@@ -30,6 +33,8 @@ struct Resources {
   StorageState storage;
   monitoring::FarmTimings timings;
   Traffic traffic;
+  /// Set before anything runs.
+  std::unique_ptr<webhooks::Webhooks> webhooks;
 
   spdlog::logger& log() const { return *options.log; }
   ledger::OwnedJob Owned(const job::JobId& job) const { return {job, owner.epoch}; }

@@ -142,6 +142,9 @@ absl::StatusOr<JobId> Submission::SubmitNewJob(ledger::NewJob job) {
   if (absl::Status status = cleanup_->janitor().CheckQuota(); !status.ok()) return status;
   if (absl::Status status = CheckSpec(job.spec); !status.ok()) return status;
   if (absl::Status status = CheckAssetBytes(job.spec); !status.ok()) return status;
+  if (const std::string& webhook = job.scheduling.webhook(); !webhook.empty()) {
+    if (absl::Status status = resources_->webhooks->Check(webhook); !status.ok()) return status;
+  }
   const absl::StatusOr<std::vector<job::Prerequisite>> after = prerequisites_->Check(job.scheduling);
   if (!after.ok()) return after.status();
   const std::string user = job.scheduling.user();

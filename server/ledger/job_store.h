@@ -13,6 +13,7 @@
 #include "absl/types/span.h"
 #include "lumifold/v1/job.pb.h"
 #include "server/job/unit.h"
+#include "server/ledger/delivery_queue.h"
 #include "server/ledger/owner.h"
 
 namespace lumifold::ledger {
@@ -110,6 +111,14 @@ struct Reopening {
   std::vector<int32_t> frames;
   /// What earlier attempts have cost is counted.
   job::Attempt counted = {};
+};
+
+/// How a job ends.
+struct JobEnd {
+  v1::JobState state;
+  std::string error;
+  /// Is waiting once the end is recorded.
+  std::optional<NewDelivery> delivery = {};
 };
 
 /// Work that was committed: units rendered, and frames finished.
@@ -246,7 +255,9 @@ class JobStore {
   virtual absl::StatusOr<std::vector<std::string>> DeliverersOf(const job::JobId& job) = 0;
   /// Ends a job. Its units are no longer visited, and PurgeUnits deletes their rows; its counts stay. No
   /// effect on a job that has ended.
-  virtual absl::Status EndJob(const OwnedJob& job, v1::JobState state, const std::string& error) = 0;
+  virtual absl::Status EndJob(const OwnedJob& job, const JobEnd& end) = 0;
+  /// Calls of webhooks; those of a job go with it.
+  virtual DeliveryQueue& deliveries() = 0;
   /// Makes a job active; its counts are those of the other frames. If nothing of the job is left, it has no
   /// numeric class. A job that has ended becomes that of `owner`; one that has not must already be.
   /// Errors: kAborted also where the job that has ended belonged to a later epoch.

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
 #include "server/ledger/sql_commit.h"
+#include "server/ledger/sql_deliveries.h"
 #include "server/ledger/sql_jobs.h"
 #include "server/ledger/sql_rows.h"
 #include "server/ledger/sql_usage.h"
@@ -17,7 +18,7 @@ namespace {
 
 using job::JobId;
 
-class SqlJobStore final : public JobStore {
+class SqlJobStore final : public JobStore, private DeliveryQueue {
  public:
   SqlJobStore(std::unique_ptr<SqlConnection> writer, std::unique_ptr<SqlConnection> reader)
       : writer_(std::move(writer)), reader_(std::move(reader)) {}
@@ -35,7 +36,8 @@ class SqlJobStore final : public JobStore {
   absl::Status RecordFrame(const OwnedJob& job, int32_t frame, const v1::FrameReport& report) override;
   absl::StatusOr<std::vector<int32_t>> FinishedFrames(const JobId& job) override;
   absl::StatusOr<std::vector<std::string>> DeliverersOf(const JobId& job) override;
-  absl::Status EndJob(const OwnedJob& job, v1::JobState state, const std::string& error) override;
+  absl::Status EndJob(const OwnedJob& job, const JobEnd& end) override;
+  DeliveryQueue& deliveries() override { return *this; }
   absl::Status ReopenFrames(const JobId& job, const Owner& owner, const Reopening& reopening) override;
   absl::Status SetScheduling(const OwnedJob& job, const v1::Scheduling& scheduling) override;
   absl::Status SetPlan(const OwnedJob& job, const v1::JobSpec& planned) override;
@@ -47,6 +49,14 @@ class SqlJobStore final : public JobStore {
   absl::StatusOr<std::vector<BlockedWorker>> BlockedWorkers() override;
 
  private:
+  absl::StatusOr<std::vector<Delivery>> Take(const std::string& origin, absl::Time now, absl::Time until,
+                                             int max) override;
+  absl::Status PutOff(int64_t number, absl::Time due, const std::string& error) override;
+  absl::Status SetDelivered(int64_t number) override;
+  absl::StatusOr<std::vector<DeliveryReport>> GiveUp(absl::Time created_before) override;
+  absl::StatusOr<int64_t> CountWaiting() override;
+  absl::StatusOr<std::optional<DeliveryReport>> LastOf(const JobId& job) override;
+
   /// Runs `body` in a transaction of the writer, with the locked row of a job.
   absl::Status ChangeJob(const JobId& job,
                          absl::FunctionRef<absl::Status(SqlConnection&, const LockedJob&)> body);
@@ -166,13 +176,14 @@ absl::StatusOr<std::vector<std::string>> SqlJobStore::DeliverersOf(const JobId& 
   return QueryDeliverers(*reader_, job);
 }
 
-absl::Status SqlJobStore::EndJob(const OwnedJob& job, v1::JobState state, const std::string& error) {
+absl::Status SqlJobStore::EndJob(const OwnedJob& job, const JobEnd& end) {
   return ChangeJob(job.job, [&](SqlConnection& db, const LockedJob& row) -> absl::Status {
     if (row.epoch != job.epoch) return OtherOwner(job.job, row.epoch, job.epoch);
     if (row.has_ended) return absl::OkStatus();
     if (absl::Status status = DiscardFilms(db, row.number, "finished = 0", {}); !status.ok()) return status;
-    return db.Run("UPDATE jobs SET state = $1, error = $2 WHERE number = $3",
-                  {int64_t{state}, error, row.number});
+    absl::Status status = db.Run("UPDATE jobs SET state = $1, error = $2 WHERE number = $3",
+                                 {int64_t{end.state}, end.error, row.number});
+    return status.ok() && end.delivery.has_value() ? InsertDelivery(db, row.number, *end.delivery) : status;
   });
 }
 
@@ -243,6 +254,37 @@ absl::Status SqlJobStore::ReadmitWorker(const std::string& name) {
 absl::StatusOr<std::vector<BlockedWorker>> SqlJobStore::BlockedWorkers() {
   absl::MutexLock lock(&reader_mutex_);
   return QueryBlockedWorkers(*reader_);
+}
+
+absl::StatusOr<std::vector<Delivery>> SqlJobStore::Take(const std::string& origin, absl::Time now,
+                                                        absl::Time until, int max) {
+  absl::MutexLock lock(&writer_mutex_);
+  return TakeDeliveries(*writer_, origin, now, until, max);
+}
+
+absl::Status SqlJobStore::PutOff(int64_t number, absl::Time due, const std::string& error) {
+  absl::MutexLock lock(&writer_mutex_);
+  return PutDeliveryOff(*writer_, number, due, error);
+}
+
+absl::Status SqlJobStore::SetDelivered(int64_t number) {
+  absl::MutexLock lock(&writer_mutex_);
+  return RecordDelivered(*writer_, number);
+}
+
+absl::StatusOr<std::vector<DeliveryReport>> SqlJobStore::GiveUp(absl::Time created_before) {
+  absl::MutexLock lock(&writer_mutex_);
+  return GiveUpDeliveries(*writer_, created_before);
+}
+
+absl::StatusOr<int64_t> SqlJobStore::CountWaiting() {
+  absl::MutexLock lock(&reader_mutex_);
+  return CountWaitingDeliveries(*reader_);
+}
+
+absl::StatusOr<std::optional<DeliveryReport>> SqlJobStore::LastOf(const JobId& job) {
+  absl::MutexLock lock(&reader_mutex_);
+  return QueryLastDelivery(*reader_, job);
 }
 
 }  // namespace

@@ -174,7 +174,7 @@ absl::Status ReopenJob(SqlConnection& db, int64_t job, const Owner& owner, const
 absl::Status RemoveJob(SqlConnection& db, int64_t job) {
   if (absl::Status status = DiscardFilms(db, job, "finished >= 0", {}); !status.ok()) return status;
   for (const char* sql : {"DELETE FROM warnings WHERE job = $1", "DELETE FROM workers WHERE job = $1",
-                          "DELETE FROM jobs WHERE number = $1"}) {
+                          "DELETE FROM deliveries WHERE job = $1", "DELETE FROM jobs WHERE number = $1"}) {
     if (absl::Status status = db.Run(sql, {job}); !status.ok()) return status;
   }
   return absl::OkStatus();

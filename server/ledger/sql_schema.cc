@@ -11,7 +11,7 @@
 namespace lumifold::ledger {
 namespace {
 
-constexpr int64_t kSchemaVersion = 6;
+constexpr int64_t kSchemaVersion = 7;
 
 // Times are milliseconds since 1970; 0 means "not yet". A film is what is rendered of a frame: a frame that
 // is rendered again has a new film, and the units of the old one are garbage. The key of units has the order
@@ -118,6 +118,24 @@ CREATE TABLE usage(
   PRIMARY KEY(day, job));
 )";
 
+// Messages for webhooks: those that wait are found by origin and time.
+constexpr char kDeliverySchema[] = R"(
+CREATE TABLE deliveries(
+  number {serial},
+  id TEXT NOT NULL UNIQUE,
+  job BIGINT NOT NULL REFERENCES jobs(number),
+  origin TEXT NOT NULL,
+  url TEXT NOT NULL,
+  body {blob} NOT NULL,
+  created_ms BIGINT NOT NULL,
+  due_ms BIGINT NOT NULL,
+  state BIGINT NOT NULL DEFAULT 0,
+  tries BIGINT NOT NULL DEFAULT 0,
+  error TEXT NOT NULL DEFAULT '');
+CREATE INDEX deliveries_by_job ON deliveries(job);
+CREATE INDEX deliveries_by_due ON deliveries(state, origin, due_ms);
+)";
+
 /// Maximum number of characters of a warning that is taken over: schema 1 had no limits.
 constexpr int kMaxTakenLine = 512;
 
@@ -166,12 +184,15 @@ DROP TABLE old_units;
 DROP TABLE old_jobs;
 )";
 
+absl::Status RunSchema(SqlConnection& db, const std::string& schema) {
+  return db.RunScript(absl::StrReplaceAll(schema, {{"{serial}", db.dialect().serial},
+                                                   {"{blob}", db.dialect().blob},
+                                                   {"{clustered}", db.dialect().clustered},
+                                                   {"{no_error}", absl::StrCat(kNoError)}}));
+}
+
 absl::Status CreateTables(SqlConnection& db) {
-  return db.RunScript(absl::StrReplaceAll(absl::StrCat(kSchema, kRosterSchema, kUsageSchema),
-                                          {{"{serial}", db.dialect().serial},
-                                           {"{blob}", db.dialect().blob},
-                                           {"{clustered}", db.dialect().clustered},
-                                           {"{no_error}", absl::StrCat(kNoError)}}));
+  return RunSchema(db, absl::StrCat(kSchema, kRosterSchema, kUsageSchema, kDeliverySchema));
 }
 
 /// Divides the spec of an old job as CreateJob does. One that cannot be read stays as it is.
@@ -209,6 +230,18 @@ absl::Status TakeOver(SqlConnection& db, int64_t version) {
   return DivideSpecs(db);
 }
 
+/// What was added to schema 3 or a later one.
+std::string AdditionsSince(int64_t version) {
+  std::string sql;
+  if (version <= 3)
+    sql += "ALTER TABLE jobs ADD COLUMN estimated_error DOUBLE PRECISION NOT NULL DEFAULT {no_error};";
+  if (version <= 4) sql += kRosterSchema;
+  if (version <= 5)
+    absl::StrAppend(&sql, "ALTER TABLE jobs ADD COLUMN counted BIGINT NOT NULL DEFAULT 0;", kUsageSchema);
+  if (version <= 6) sql += kDeliverySchema;
+  return sql;
+}
+
 absl::Status Upgrade(SqlConnection& db) {
   const absl::StatusOr<int64_t> version = db.SchemaVersion();
   if (!version.ok()) return version.status();
@@ -219,13 +252,7 @@ absl::Status Upgrade(SqlConnection& db) {
   } else if (*version == 1 || *version == 2) {
     status = TakeOver(db, *version);
   } else if (*version >= 3 && *version < kSchemaVersion) {
-    if (*version == 3) {
-      status = db.RunScript(absl::StrCat(
-          "ALTER TABLE jobs ADD COLUMN estimated_error DOUBLE PRECISION NOT NULL DEFAULT ", kNoError));
-    }
-    if (status.ok() && *version <= 4) status = db.RunScript(kRosterSchema);
-    if (status.ok()) status = db.RunScript("ALTER TABLE jobs ADD COLUMN counted BIGINT NOT NULL DEFAULT 0");
-    if (status.ok()) status = db.RunScript(kUsageSchema);
+    status = RunSchema(db, AdditionsSince(*version));
   } else {
     return absl::FailedPreconditionError(
         absl::StrCat("ledger: written by another version of Lumifold (schema ", *version, ", expected ",

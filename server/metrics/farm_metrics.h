@@ -55,6 +55,7 @@ struct FarmMetrics {
   int64_t leases_expired = 0;              // not renewed, or without progress
   std::map<std::string, int64_t> retries;  // units that became free again, by reason: all, zero or not
   TrafficMetrics traffic;
+  v1::WebhookCounts webhooks;
 
   StorageMetrics storage;
 };

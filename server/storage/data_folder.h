@@ -24,6 +24,7 @@ namespace lumifold::server {
 ///                    a job that has ended
 ///   deleted/JOB      empty: the job was deleted, its files go next (see Janitor)
 ///   access/          authority, server certificate, tokens (see access::AccessControl); there after `init`
+///   webhook.secret   what calls of webhooks are signed with (see webhooks::ReadSecret)
 ///   reserve          space that is given up when the disk is full, so that the ledger can still be written
 ///   lock             lock file of the coordinator that uses the folder
 ///
@@ -56,6 +57,7 @@ class DataFolder {
   FileSystem* files() const { return files_; }
   std::string LedgerPath() const { return root_ + "/ledger.db"; }
   std::string AccessPath() const { return root_ + "/access"; }
+  std::string WebhookSecretPath() const { return root_ + "/webhook.secret"; }
   std::string AssetsPath() const { return root_ + "/assets"; }
   std::string IncomingPath() const { return root_ + "/incoming"; }
   std::string FilmPath(const job::JobId& job) const { return root_ + "/film/" + job.value(); }

@@ -66,7 +66,7 @@ JobStore& StoreWithJobs() {
       LUMIFOLD_CHECK(made->CreateJob(job).ok());
       if (i % 1000 == 0) continue;
       const v1::JobState state = i % 10 == 1 ? v1::JOB_STATE_FAILED : v1::JOB_STATE_DONE;
-      LUMIFOLD_CHECK(made->EndJob({job.id, kOwner.epoch}, state, "").ok());
+      LUMIFOLD_CHECK(made->EndJob({job.id, kOwner.epoch}, {state, ""}).ok());
     }
     return made;
   }();

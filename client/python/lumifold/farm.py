@@ -64,10 +64,12 @@ class Farm:
                environment: Optional[Path] = None, max_bounces: int = 8, seed: int = 0,
                frames_per_second: float = 0.0, save_film: bool = False, name: str = "",
                user: Optional[str] = None, priority: int = 0, tags: Sequence[str] = (),
-               after: Sequence[Job] = (), paused: bool = False, spec: Optional[job_pb2.JobSpec] = None,
+               after: Sequence[Job] = (), paused: bool = False, webhook: str = "",
+               spec: Optional[job_pb2.JobSpec] = None,
                uploaded: Optional[Callable[[int, int], None]] = None) -> Job:
         """Submits a scene, a .gltf or .glb file, and returns its job. Files that the farm lacks are uploaded,
         with those that the scene names; `uploaded` is called with bytes that were sent and bytes in all.
+        `webhook`: a URL that is called when the job has ended, at a host that the farm's operator allows.
         `frames`: a number, a range or a list. `environment`: a picture, or "studio". `spec`: further fields
         of JobSpec, which count more."""
         assets = scene.assets_of(path)
@@ -88,6 +90,7 @@ class Farm:
             job.MergeFrom(spec)
         self._upload(assets, uploaded)
         scheduling = job_pb2.Scheduling(priority=priority, tags=tags, name=name, paused=paused,
+                                        webhook=webhook,
                                         user=self._user if user is None else user,
                                         after=[each.id for each in after])
         request = farm_pb2.SubmitJobRequest(spec=job, request_id=secrets.token_hex(16), scheduling=scheduling)

@@ -134,7 +134,7 @@ class Generator {
   Step EndStep() {
     const v1::JobState state = Below(2) == 0 ? v1::JOB_STATE_DONE : v1::JOB_STATE_FAILED;
     return {"end", [job = Owned(AnyJob(), AnyEpoch()), state](JobStore& store) {
-              return Outcome(store.EndJob(job, state, "ended"));
+              return Outcome(store.EndJob(job, {state, "ended"}));
             }};
   }
   Step ReopenStep() {
@@ -219,14 +219,14 @@ std::vector<Step> ShortHistory() {
       {"purge", [](JobStore& s) { return Outcome(s.PurgeUnits(2).status()); }},
       {"revoke",
        [](JobStore& s) { return Outcome(s.RevokeUnits(Owned("j-b"), {Unit("j-b", 1, 1, 0).unit.key})); }},
-      {"end", [](JobStore& s) { return Outcome(s.EndJob(Owned("j-a"), v1::JOB_STATE_DONE, "")); }},
+      {"end", [](JobStore& s) { return Outcome(s.EndJob(Owned("j-a"), {v1::JOB_STATE_DONE, ""})); }},
       {"claim", [](JobStore& s) { return Outcome(s.ClaimUnfinishedJobs({"second", Epoch(2)}).status()); }},
       {"reopen",
        [](JobStore& s) {
          return Outcome(s.ReopenFrames(JobId("j-a"), {"second", Epoch(2)},
                                        {.spec = Job("", "").spec, .scheduling = {}, .frames = {0}}));
        }},
-      {"end", [](JobStore& s) { return Outcome(s.EndJob(Owned("j-b", 2), v1::JOB_STATE_CANCELLED, "")); }},
+      {"end", [](JobStore& s) { return Outcome(s.EndJob(Owned("j-b", 2), {v1::JOB_STATE_CANCELLED, ""})); }},
       {"delete", [](JobStore& s) { return Outcome(s.DeleteJob(JobId("j-b"))); }},
       {"block", [](JobStore& s) { return Outcome(s.BlockWorker("w", "bad")); }},
       {"purge", [](JobStore& s) { return Outcome(s.PurgeUnits(100).status()); }},

@@ -136,9 +136,9 @@ TEST_P(JobStoreTest, ListsByStateAndUser) {
     job.scheduling.set_user(id[2] % 2 == 0 ? "ben" : "ann");
     ASSERT_TRUE(store_->CreateJob(job).ok());
   }
-  ASSERT_TRUE(store_->EndJob(Owned("j-1"), v1::JOB_STATE_DONE, "").ok());
-  ASSERT_TRUE(store_->EndJob(Owned("j-2"), v1::JOB_STATE_DONE, "").ok());
-  ASSERT_TRUE(store_->EndJob(Owned("j-3"), v1::JOB_STATE_FAILED, "broken").ok());
+  ASSERT_TRUE(store_->EndJob(Owned("j-1"), {v1::JOB_STATE_DONE, ""}).ok());
+  ASSERT_TRUE(store_->EndJob(Owned("j-2"), {v1::JOB_STATE_DONE, ""}).ok());
+  ASSERT_TRUE(store_->EndJob(Owned("j-3"), {v1::JOB_STATE_FAILED, "broken"}).ok());
   EXPECT_THAT(Listed({.states = {v1::JOB_STATE_DONE}}), ElementsAre("j-2", "j-1"));
   EXPECT_THAT(Listed({.states = {v1::JOB_STATE_SUBMITTED}}), ElementsAre("j-6", "j-5", "j-4"));
   EXPECT_THAT(Listed({.user = "ann"}), ElementsAre("j-5", "j-3", "j-1"));
@@ -165,7 +165,7 @@ TEST_P(JobStoreTest, AClaimTakesTheUnfinishedJobsAndTheFormerOwnerIsRefused) {
   JobCommit commit = Commit("j-b", {Unit("j-b", 0, 0, 0)});
   commit.warnings = {"no light"};
   ASSERT_TRUE(CommitOne(commit).ok());
-  ASSERT_TRUE(store_->EndJob(Owned("j-ended"), v1::JOB_STATE_CANCELLED, "").ok());
+  ASSERT_TRUE(store_->EndJob(Owned("j-ended"), {v1::JOB_STATE_CANCELLED, ""}).ok());
   const Owner second = {"coordinator:2", Epoch(2)};
   const ClaimedJobs claimed = *store_->ClaimUnfinishedJobs(second);
   ASSERT_THAT(claimed.jobs, SizeIs(2));
@@ -181,7 +181,7 @@ TEST_P(JobStoreTest, AClaimTakesTheUnfinishedJobsAndTheFormerOwnerIsRefused) {
            CommitOne(Commit("j-b", {Unit("j-b", 0, 1, 0)})),
            store_->RevokeUnits(Owned("j-b"), {key}),
            store_->RecordFrame(Owned("j-b"), 0, {}),
-           store_->EndJob(Owned("j-b"), v1::JOB_STATE_DONE, ""),
+           store_->EndJob(Owned("j-b"), {v1::JOB_STATE_DONE, ""}),
            store_->SetScheduling(Owned("j-b"), {}),
            store_->ReopenFrames(JobId("j-b"), {"coordinator:1", Epoch(1)}, {}),
            store_->ClaimUnfinishedJobs({"coordinator:1", Epoch(1)}).status(),
@@ -215,7 +215,7 @@ TEST_P(JobStoreTest, AnAttemptOfAnotherEpochIsRefusedUnlessItIsRecovered) {
 TEST_P(JobStoreTest, UnitsOfSeveralJobsEnterTogetherEachJobWhollyOrNot) {
   for (const char* id : {"j-a", "j-b", "j-c", "j-d"}) ASSERT_TRUE(store_->CreateJob(Job(id, id)).ok());
   ASSERT_TRUE(CommitOne(Commit("j-b", {Unit("j-b", 0, 0, 0)})).ok());
-  ASSERT_TRUE(store_->EndJob(Owned("j-d"), v1::JOB_STATE_CANCELLED, "").ok());
+  ASSERT_TRUE(store_->EndJob(Owned("j-d"), {v1::JOB_STATE_CANCELLED, ""}).ok());
   UnitRecord again = Unit("j-b", 0, 0, 0);
   again.offset = 5;
   const std::vector<absl::Status> outcomes = *store_->CommitUnits({
@@ -389,7 +389,7 @@ TEST_P(JobStoreTest, RowsOfUnitsGoInSmallBatches) {
   EXPECT_EQ(*store_->PurgeUnits(9), 0);
   EXPECT_EQ(*store_->PurgeUnits(9), 0);
   EXPECT_THAT(Units("j-a"), SizeIs(10));
-  ASSERT_TRUE(store_->EndJob(Owned("j-a"), v1::JOB_STATE_CANCELLED, "").ok());
+  ASSERT_TRUE(store_->EndJob(Owned("j-a"), {v1::JOB_STATE_CANCELLED, ""}).ok());
   EXPECT_THAT(Units("j-a"), IsEmpty());
   EXPECT_EQ(*store_->PurgeUnits(1), 9);
   EXPECT_EQ(*store_->PurgeUnits(100), 0);
@@ -398,15 +398,15 @@ TEST_P(JobStoreTest, RowsOfUnitsGoInSmallBatches) {
 
 TEST_P(JobStoreTest, AnEndedJobStaysAsItIs) {
   ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
-  ASSERT_TRUE(store_->EndJob(Owned("j-a"), v1::JOB_STATE_FAILED, "it's \"broken\"").ok());
-  ASSERT_TRUE(store_->EndJob(Owned("j-a"), v1::JOB_STATE_DONE, "").ok());
+  ASSERT_TRUE(store_->EndJob(Owned("j-a"), {v1::JOB_STATE_FAILED, "it's \"broken\""}).ok());
+  ASSERT_TRUE(store_->EndJob(Owned("j-a"), {v1::JOB_STATE_DONE, ""}).ok());
   EXPECT_EQ(store_->SetScheduling(Owned("j-a"), {}).code(), StatusCode::kFailedPrecondition);
   EXPECT_EQ(store_->RecordFrame(Owned("j-a"), 0, {}).code(), StatusCode::kFailedPrecondition);
   Reopen();
   EXPECT_EQ(Get("j-a").state, v1::JOB_STATE_FAILED);
   EXPECT_EQ(Get("j-a").error, "it's \"broken\"");
   EXPECT_THAT(store_->ClaimUnfinishedJobs({"next", Epoch(2)})->jobs, IsEmpty());
-  EXPECT_EQ(store_->EndJob(Owned("j-x"), v1::JOB_STATE_DONE, "").code(), StatusCode::kNotFound);
+  EXPECT_EQ(store_->EndJob(Owned("j-x"), {v1::JOB_STATE_DONE, ""}).code(), StatusCode::kNotFound);
 }
 
 TEST_P(JobStoreTest, SchedulingCanBeChanged) {
@@ -440,7 +440,7 @@ TEST_P(JobStoreTest, AJobGetsItsPlan) {
   job.id = JobId("j-b");
   EXPECT_EQ(*store_->CreateJob(job), JobId("j-a")) << "a repeated request finds the job";
   EXPECT_EQ(store_->SetPlan(Owned("j-x"), planned).code(), StatusCode::kNotFound);
-  ASSERT_TRUE(store_->EndJob(Owned("j-a"), v1::JOB_STATE_CANCELLED, "").ok());
+  ASSERT_TRUE(store_->EndJob(Owned("j-a"), {v1::JOB_STATE_CANCELLED, ""}).ok());
   EXPECT_EQ(store_->SetPlan(Owned("j-a"), planned).code(), StatusCode::kFailedPrecondition);
   EXPECT_TRUE(Get("j-a").spec.has_plan()) << "explain shows it";
   ASSERT_TRUE(store_->DeleteJob(JobId("j-a")).ok());
@@ -453,7 +453,7 @@ TEST_P(JobStoreTest, AnEndedJobIsReopenedForAnotherOwner) {
       CommitOne(Commit("j-a", {Unit("j-a", 0, 0, 0), Unit("j-a", 1, 0, 0), Unit("j-a", 2, 0, 0)})).ok());
   ASSERT_TRUE(store_->RecordFrame(Owned("j-a"), 0, {}).ok());
   ASSERT_TRUE(store_->RecordFrame(Owned("j-a"), 1, {}).ok());
-  ASSERT_TRUE(store_->EndJob(Owned("j-a"), v1::JOB_STATE_FAILED, "broken").ok());
+  ASSERT_TRUE(store_->EndJob(Owned("j-a"), {v1::JOB_STATE_FAILED, "broken"}).ok());
   v1::JobSpec spec = Get("j-a").spec;
   spec.set_samples_per_pixel(64);
   v1::Scheduling scheduling = Get("j-a").scheduling;
@@ -516,7 +516,7 @@ TEST_P(JobStoreTest, UsageCountsEachUnitAndFrameOnceAndOutlivesTheJob) {
   EXPECT_EQ(usage(1, 2)[0].work.frames, 0);
   EXPECT_THAT(usage(2, 9), IsEmpty());
   EXPECT_THAT(usage(0, 9, "ben"), IsEmpty());
-  ASSERT_TRUE(store_->EndJob(Owned("j-a"), v1::JOB_STATE_DONE, "").ok());
+  ASSERT_TRUE(store_->EndJob(Owned("j-a"), {v1::JOB_STATE_DONE, ""}).ok());
   ASSERT_TRUE(store_->DeleteJob(JobId("j-a")).ok());
   EXPECT_EQ(usage(0, 2, "ann")[0].work.units, 2);
 }
@@ -550,7 +550,7 @@ TEST_P(JobStoreTest, ADeletedJobIsGoneWithAllItsRows) {
   }
   ASSERT_TRUE(store_->RecordFrame(Owned("j-a"), 0, {}).ok());
   EXPECT_EQ(store_->DeleteJob(JobId("j-a")).code(), StatusCode::kFailedPrecondition);
-  ASSERT_TRUE(store_->EndJob(Owned("j-a"), v1::JOB_STATE_DONE, "").ok());
+  ASSERT_TRUE(store_->EndJob(Owned("j-a"), {v1::JOB_STATE_DONE, ""}).ok());
   ASSERT_TRUE(store_->DeleteJob(JobId("j-a")).ok());
   EXPECT_EQ(store_->DeleteJob(JobId("j-a")).code(), StatusCode::kNotFound);
   EXPECT_EQ(store_->GetJob(JobId("j-a")).status().code(), StatusCode::kNotFound);

@@ -1,6 +1,7 @@
 #include "tests/unit/ledger/memory_job_store.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <map>
 #include <set>
 #include <tuple>
@@ -200,7 +201,7 @@ class MemoryJobStore final : public JobStore {
     return std::vector<std::string>(job->deliverers.begin(), job->deliverers.end());
   }
 
-  absl::Status EndJob(const OwnedJob& owned, v1::JobState state, const std::string& error) override {
+  absl::Status EndJob(const OwnedJob& owned, const JobEnd& end) override {
     StoredJob* job = Find(owned.job);
     if (job == nullptr) return Unknown(owned.job);
     if (job->record.owner.epoch != owned.epoch) return Lost(*job, owned.epoch);
@@ -209,10 +210,13 @@ class MemoryJobStore final : public JobStore {
       if (!frame.is_finished) garbage_ += static_cast<int64_t>(frame.units.size());
     }
     std::erase_if(job->frames, [](const auto& entry) { return !entry.second.is_finished; });
-    job->record.state = state;
-    job->record.error = error;
+    job->record.state = end.state;
+    job->record.error = end.error;
     return absl::OkStatus();
   }
+
+  /// The model has none: nothing else of a store depends on them.
+  DeliveryQueue& deliveries() override { std::abort(); }
 
   absl::Status ReopenFrames(const JobId& id, const Owner& owner, const Reopening& reopening) override {
     StoredJob* job = Find(id);

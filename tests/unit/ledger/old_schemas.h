@@ -69,6 +69,7 @@ INSERT INTO warnings(job, line) VALUES(3, 'no light'), (3, 'no camera');
 )";
 
 /// What the later schemas have added, taken away again.
+inline constexpr char kFromSchema7To6[] = "DROP TABLE deliveries";
 inline constexpr char kFromSchema6To5[] = "ALTER TABLE jobs DROP COLUMN counted; DROP TABLE usage";
 inline constexpr char kFromSchema5To4[] = "DROP TABLE coordinators; DROP INDEX jobs_by_epoch";
 inline constexpr char kFromSchema4To3[] = "ALTER TABLE jobs DROP COLUMN estimated_error";

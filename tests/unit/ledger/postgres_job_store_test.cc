@@ -129,10 +129,13 @@ TEST_F(PostgresJobStoreTest, NoErrorHasThePassword) {
 
 TEST_F(PostgresJobStoreTest, TablesOfEarlierVersionsAreUpgraded) {
   ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
-  for (const int version : {5, 4, 3}) {
+  for (const int version : {6, 5, 4, 3}) {
     SCOPED_TRACE(version);
     const std::unique_ptr<PostgresConnection> db = *PostgresConnection::Open(database_->uri());
-    ASSERT_TRUE(db->RunScript(kFromSchema6To5).ok());
+    ASSERT_TRUE(db->RunScript(kFromSchema7To6).ok());
+    if (version <= 5) {
+      ASSERT_TRUE(db->RunScript(kFromSchema6To5).ok());
+    }
     if (version <= 4) {
       ASSERT_TRUE(db->RunScript(kFromSchema5To4).ok());
     }
@@ -145,8 +148,9 @@ TEST_F(PostgresJobStoreTest, TablesOfEarlierVersionsAreUpgraded) {
     EXPECT_EQ((*store)->GetJob(JobId("j-a"))->estimated_error, std::nullopt);
     EXPECT_TRUE((*store)->CommitUnits({Commit("j-a", {Unit("j-a", 0, version, 0)})})->front().ok());
     EXPECT_TRUE(db->RunScript("SELECT epoch, demand FROM coordinators").ok());
+    EXPECT_EQ(*(*store)->deliveries().CountWaiting(), 0);
   }
-  EXPECT_EQ((*database_->Open())->GetJob(JobId("j-a"))->done.units, 3);
+  EXPECT_EQ((*database_->Open())->GetJob(JobId("j-a"))->done.units, 4);
 }
 
 TEST_F(PostgresJobStoreTest, TablesOfALaterVersionAreRefused) {

@@ -133,7 +133,7 @@ TEST_F(SqliteJobStoreTest, ADamagedRowIsAnErrorOfItsJobOnly) {
     const absl::Status status = store->GetJob(id).status();
     EXPECT_EQ(status.code(), StatusCode::kInternal) << damages[i];
     EXPECT_THAT(std::string(status.message()), HasSubstr(id.value()));
-    EXPECT_TRUE(store->EndJob({id, Epoch(2)}, v1::JOB_STATE_FAILED, "damaged").ok());
+    EXPECT_TRUE(store->EndJob({id, Epoch(2)}, {v1::JOB_STATE_FAILED, "damaged"}).ok());
     EXPECT_TRUE(store->DeleteJob(id).ok());
   }
   EXPECT_THAT(store->ListJobs({})->damaged, IsEmpty());
@@ -180,7 +180,7 @@ TEST_F(SqliteJobStoreTest, PurgedRowsAndDeletedJobsLeaveNothing) {
   commit.warnings = {"no light"};
   ASSERT_TRUE(store->CommitUnits({commit})->front().ok());
   ASSERT_TRUE(store->RecordFrame(Owned("j-a"), 0, {}).ok());
-  ASSERT_TRUE(store->EndJob(Owned("j-a"), v1::JOB_STATE_DONE, "").ok());
+  ASSERT_TRUE(store->EndJob(Owned("j-a"), {v1::JOB_STATE_DONE, ""}).ok());
   ASSERT_TRUE(store->DeleteJob(JobId("j-a")).ok());
   ASSERT_EQ(*store->PurgeUnits(100), 0);
   sqlite3* db = nullptr;
@@ -204,6 +204,7 @@ TEST_F(SqliteJobStoreTest, PurgedRowsAndDeletedJobsLeaveNothing) {
 
 TEST_F(SqliteJobStoreTest, ALedgerOfSchema3GetsTheColumnOfErrors) {
   ASSERT_TRUE(Open()->CreateJob(Job("j-a", "r-1")).ok());
+  RunSql(kFromSchema7To6);
   RunSql(kFromSchema6To5);
   RunSql(kFromSchema5To4);
   RunSql(kFromSchema4To3);
@@ -219,6 +220,7 @@ TEST_F(SqliteJobStoreTest, ALedgerOfSchema3GetsTheColumnOfErrors) {
 
 TEST_F(SqliteJobStoreTest, ALedgerOfSchema4GetsTheRoster) {
   ASSERT_TRUE(Open()->CreateJob(Job("j-a", "r-1")).ok());
+  RunSql(kFromSchema7To6);
   RunSql(kFromSchema6To5);
   RunSql(kFromSchema5To4);
   RunSql("PRAGMA user_version=4");
@@ -230,12 +232,22 @@ TEST_F(SqliteJobStoreTest, ALedgerOfSchema4GetsTheRoster) {
 
 TEST_F(SqliteJobStoreTest, ALedgerOfSchema5GetsItsUsage) {
   ASSERT_TRUE(Open()->CreateJob(Job("j-a", "r-1")).ok());
+  RunSql(kFromSchema7To6);
   RunSql(kFromSchema6To5);
   RunSql("PRAGMA user_version=5");
   const std::unique_ptr<JobStore> store = Open();
   ASSERT_NE(store, nullptr);
   EXPECT_EQ(store->GetJob(JobId("j-a"))->counted, job::Attempt(0));
   EXPECT_TRUE(store->Usage({.since = absl::UnixEpoch(), .until = absl::UnixEpoch()}).ok());
+}
+
+TEST_F(SqliteJobStoreTest, ALedgerOfSchema6GetsItsDeliveries) {
+  ASSERT_TRUE(Open()->CreateJob(Job("j-a", "r-1")).ok());
+  RunSql(kFromSchema7To6);
+  RunSql("PRAGMA user_version=6");
+  const std::unique_ptr<JobStore> store = Open();
+  ASSERT_NE(store, nullptr);
+  EXPECT_EQ(*store->deliveries().CountWaiting(), 0);
 }
 
 TEST_F(SqliteJobStoreTest, ALedgerOfALaterVersionIsRefusedByName) {

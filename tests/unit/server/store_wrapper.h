@@ -57,9 +57,10 @@ class StoreWrapper : public ledger::JobStore {
   absl::StatusOr<std::vector<std::string>> DeliverersOf(const job::JobId& job) override {
     return Call("DeliverersOf", [&] { return store_->DeliverersOf(job); });
   }
-  absl::Status EndJob(const ledger::OwnedJob& job, v1::JobState state, const std::string& error) override {
-    return Call("EndJob", [&] { return store_->EndJob(job, state, error); });
+  absl::Status EndJob(const ledger::OwnedJob& job, const ledger::JobEnd& end) override {
+    return Call("EndJob", [&] { return store_->EndJob(job, end); });
   }
+  ledger::DeliveryQueue& deliveries() override { return store_->deliveries(); }
   absl::Status ReopenFrames(const job::JobId& job, const ledger::Owner& owner,
                             const ledger::Reopening& reopening) override {
     return Call("ReopenFrames", [&] { return store_->ReopenFrames(job, owner, reopening); });

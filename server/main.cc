@@ -408,7 +408,7 @@ int RunServer(const Flags& flags) {
   if (flags.disk.quota_gb > 0)
     options.data.retention.quota_bytes = static_cast<uint64_t>(flags.disk.quota_gb * kBytesPerGb);
   options.limits = LimitsOf(flags.limits);
-  options.webhooks = flags.webhooks;
+  options.security.webhooks = flags.webhooks;
   options.log = log;
   options.farm.advertise = flags.farm.advertise;
   options.farm.failover = absl::Seconds(flags.farm.failover_seconds);

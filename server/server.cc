@@ -279,7 +279,7 @@ absl::Status ServerImpl::OpenCoordinator() {
        .storage = storage,
        .limits = options_.limits.jobs,
        .retention = options_.data.retention,
-       .webhooks = options_.webhooks,
+       .webhooks = options_.security.webhooks,
        .notify = {.on_storage_change = [this](bool is_writable) { health_.SetStorage(is_writable); },
                   .on_expelled = options_.farm.on_expelled},
        .job_log = {.labels = log_.labels, .events = &log_.events},

@@ -49,6 +49,8 @@ struct SecurityOptions {
   bool insecure = false;
   /// Lifetime of the certificates that access control signs.
   absl::Duration certificate_lifetime = access::kCredentialLifetime;
+  /// Whom it may call when jobs have ended.
+  webhooks::WebhookOptions webhooks;
 };
 
 /// For a coordinator that shares its store with others.
@@ -85,7 +87,6 @@ struct ServerOptions {
   PageOptions page;
   SecurityOptions security;
   FarmOptions farm;
-  webhooks::WebhookOptions webhooks;
   absl::Duration lease = absl::Seconds(30);
   absl::Duration heartbeat = absl::Seconds(5);
   /// The program has a worker of its own, and there will be no other.

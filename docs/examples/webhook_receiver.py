@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Receives the webhooks of a farm: checks each call's signature, and prints a line for each job that has ended.
+"""Receives the webhooks of a farm: checks each call's signature, and prints a line for each job that has
+ended.
 
     webhook_receiver.py SECRET_FILE [PORT]
 
-SECRET_FILE is webhook.secret of the coordinator's data folder, or what --webhook-secret names. It listens on this
-machine only; a web server with TLS stands before it.
+SECRET_FILE is webhook.secret of the coordinator's data folder, or what --webhook-secret names. It listens on
+this machine only; a web server with TLS stands before it.
 """
 
 import hashlib

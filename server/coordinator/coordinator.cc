@@ -53,7 +53,7 @@ absl::StatusOr<std::unique_ptr<Coordinator>> Coordinator::Create(const Coordinat
       options, options.is_member ? folder.WithLogsOf(absl::StrCat("e", epoch->value())) : folder, store,
       assets, finisher, {OwnerName(options.random()), *epoch}));
   absl::StatusOr<std::unique_ptr<webhooks::Webhooks>> webhooks =
-      webhooks::Webhooks::Open(options.webhooks, {.secret_path = folder.WebhookSecretPath(),
+      webhooks::Webhooks::Open(options.webhooks, {.secret_path = folder.PathOf("webhook.secret"),
                                                   .queue = &store->deliveries(),
                                                   .wall_now = options.wall_now,
                                                   .random = options.random,

@@ -57,7 +57,6 @@ class DataFolder {
   FileSystem* files() const { return files_; }
   std::string LedgerPath() const { return root_ + "/ledger.db"; }
   std::string AccessPath() const { return root_ + "/access"; }
-  std::string WebhookSecretPath() const { return root_ + "/webhook.secret"; }
   std::string AssetsPath() const { return root_ + "/assets"; }
   std::string IncomingPath() const { return root_ + "/incoming"; }
   std::string FilmPath(const job::JobId& job) const { return root_ + "/film/" + job.value(); }

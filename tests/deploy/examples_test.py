@@ -1,5 +1,6 @@
 """The examples of docs/examples, against a real farm over TLS, with access control."""
 
+import csv
 import json
 import os
 import pathlib
@@ -8,6 +9,7 @@ import sys
 import tempfile
 import unittest
 
+import gltf
 import node_tools
 from farm import BIN, make_scene, run
 
@@ -38,11 +40,14 @@ class ExamplesTest(unittest.TestCase):
         cls.farm.start_worker("--profile", "node-1")
         cls.scene = make_scene("cornell-box", cls.root)
 
-    def render(self, *arguments):
-        return subprocess.run([PYTHON, EXAMPLES / "farm.py", self.scene, *arguments],
+    def run_example(self, name, *arguments):
+        return subprocess.run([PYTHON, EXAMPLES / name, *arguments],
                               env={**os.environ, "PYTHONPATH": str(BIN.parent / "client/python")},
                               text=True,
                               capture_output=True)
+
+    def render(self, *arguments):
+        return self.run_example("farm.py", self.scene, *arguments)
 
     def test_python_renders_and_node_watches(self):
         done = self.render(self.root / "out.exr")
@@ -58,6 +63,33 @@ class ExamplesTest(unittest.TestCase):
         node_tools.install()
         lines = node_tools.run("watch.mjs", job).splitlines()
         self.assertRegex(lines[-1], rf"^{job} JOB_STATE_DONE \d+/\d+$")
+
+    def test_a_catalogue_of_models_is_rendered_and_continued(self):
+        models, pictures = self.root / "models", self.root / "pictures"
+        models.mkdir()
+        scene, binary = gltf.unpack_glb(self.scene)
+        for i in range(6):
+            scene["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [i / 5, 0.5, 0.5, 1]
+            (models / f"product-{i}.glb").write_bytes(gltf.pack_glb(scene, binary))
+        (models / "broken.glb").write_bytes(b"no model")
+
+        def run_it():
+            done = self.run_example("catalogue.py", models, pictures, "--size", "32", "--samples", "2")
+            with open(pictures / "report.csv", newline="") as file:
+                return done, {row["model"]: row for row in csv.DictReader(file)}
+
+        done, report = run_it()
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertIn("6 pictures, 1 failed", done.stderr)
+        self.assertEqual(len({path.read_bytes() for path in pictures.glob("product-?.exr")}), 6)
+        self.assertEqual({row["tries"] for name, row in report.items() if name != "broken.glb"}, {"1"})
+        self.assertEqual(report["broken.glb"]["tries"], "3")
+        self.assertIn("not a glTF file", report["broken.glb"]["error"])
+        self.assertEqual(self.farm.client("list", "--json").stdout.count("product-"), 0, "jobs are deleted")
+        (pictures / "product-3.exr").unlink()
+        (models / "broken.glb").unlink()
+        done, report = run_it()
+        self.assertEqual((done.returncode, list(report)), (0, ["product-3.glb"]), done.stderr)
 
     def test_whoever_has_no_token_gets_in_nowhere(self):
         token = self.farm.profiles / "default" / "token"

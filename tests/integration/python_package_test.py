@@ -111,6 +111,8 @@ class PlainTest(Case):
             job.pause()
         with self.assertRaisesRegex(lumifold.InvalidRequest, "width"):
             self.farm.render(self.scene, size=(0, 32))
+        with self.assertRaisesRegex(lumifold.NotReady, "--webhook-hosts"):
+            self.farm.render(self.scene, **SMALL, webhook="https://hooks.example.org/")
         with self.assertRaises(lumifold.InvalidRequest):
             job.save("picture.png")
         for scene, text in (("none.glb", "No such file"), (__file__, "not a glTF")):

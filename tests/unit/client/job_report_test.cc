@@ -82,6 +82,21 @@ TEST(JobReport, SaysWhichFramesAreSkipped) {
   EXPECT_NE(JobJson(job, {}).find(R"("frames_skipped":3,"skipped":"7-8,12",)"), std::string::npos);
 }
 
+TEST(JobReport, SaysHowFarTheCallOfAWebhookIs) {
+  v1::JobStatus job = SampleJob();
+  EXPECT_EQ(JobJson(job).find("webhook"), std::string::npos);
+  job.mutable_scheduling()->set_webhook("https://a.example/");
+  EXPECT_NE(JobText(job).find("\nwebhook: https://a.example/\n"), std::string::npos);
+  job.mutable_webhook()->set_state(v1::WebhookDelivery::STATE_WAITING);
+  job.mutable_webhook()->set_tries(3);
+  job.mutable_webhook()->set_error("answered with 500");
+  EXPECT_NE(
+      JobText(job).find("\nwebhook: https://a.example/, waiting, tries 3, last failure: answered with 500\n"),
+      std::string::npos);
+  EXPECT_NE(JobJson(job).find(R"("webhook":{"url":"https://a.example/","state":"waiting",)"),
+            std::string::npos);
+}
+
 TEST(JobTable, LinesUpUnderItsHead) {
   EXPECT_EQ(JobTableHead(),
             "JOB                  STATE           DONE  SUBMITTED                TIME  USER         NAME\n");

@@ -308,9 +308,27 @@ TEST_F(RunClientTest, ListsJobsPageByPageWithFilters) {
 TEST_F(RunClientTest, SendsHowAJobIsScheduled) {
   test_.environment.defaults.user = "ann";
   farm_.jobs = {{"j-1", Job(v1::JOB_STATE_RUNNING)}, {"j-2", Job(v1::JOB_STATE_RUNNING)}};
-  EXPECT_EQ(Run({"submit", scene_, "--priority", "-20", "--tag", "gpu,night", "--tag", "big", "--max-leases",
-                 "7", "--after", "j-1", "--after", "j-2", "--class", "lumifold/avx2", "--paused",
-                 "--audit-share", "0.25"}),
+  EXPECT_EQ(Run({"submit",
+                 scene_,
+                 "--priority",
+                 "-20",
+                 "--tag",
+                 "gpu,night",
+                 "--tag",
+                 "big",
+                 "--max-leases",
+                 "7",
+                 "--after",
+                 "j-1",
+                 "--after",
+                 "j-2",
+                 "--class",
+                 "lumifold/avx2",
+                 "--paused",
+                 "--audit-share",
+                 "0.25",
+                 "--webhook",
+                 "https://hooks.example.org/"}),
             0)
       << Err();
   EXPECT_EQ(Run({"submit", scene_, "--user", "ben"}), 0);
@@ -323,6 +341,7 @@ TEST_F(RunClientTest, SendsHowAJobIsScheduled) {
   EXPECT_EQ(scheduling.numeric_class(), "lumifold/avx2");
   EXPECT_TRUE(scheduling.paused());
   EXPECT_EQ(scheduling.audit_share(), 0.25);
+  EXPECT_EQ(scheduling.webhook(), "https://hooks.example.org/");
   EXPECT_EQ(farm_.submissions()[1].scheduling().user(), "ben");
   EXPECT_EQ(farm_.submissions()[1].scheduling().priority(), 0);
   EXPECT_EQ(Run({"submit", scene_, "--audit-share", "1.5"}), 2);

@@ -294,9 +294,44 @@ HWY_ATTR void CorrelateRows(const CorrelateArgs& args, float* out) {
   if (x < args.count) CorrelateVectors<1>(args, args.count - lanes, out);  // recomputes some
 }
 
+/// Asinh of portable_math.h to the last bit.
+HWY_INLINE Float AsinhOf(Float x) {
+  const Floats d;
+  const Ints di;
+  const auto set = [&](float value) HWY_ATTR { return hn::Set(d, value); };
+  const Float magnitude = hn::Min(hn::Abs(x), set(1e18f));
+  const Float m2 = hn::Mul(magnitude, magnitude);
+  const Float t = hn::Add(magnitude, hn::Sqrt(hn::Add(set(1.0f), m2)));
+  const Int bits = hn::BitCast(di, t);
+  const Int exponent = hn::ShiftRight<23>(hn::Sub(bits, hn::Set(di, 0x3f3504f3)));
+  const Float f = hn::Sub(hn::BitCast(d, hn::Sub(bits, hn::ShiftLeft<23>(exponent))), set(1.0f));
+  const Float e = hn::ConvertTo(d, exponent);
+  Float p = set(7.0376836292e-2f);
+  for (const float c : {-1.1514610310e-1f, 1.1676998740e-1f, -1.2420140846e-1f, 1.4249322787e-1f,
+                        -1.6668057665e-1f, 2.0000714765e-1f, -2.4999993993e-1f, 3.3333331174e-1f})
+    p = hn::Add(hn::Mul(p, f), set(c));
+  const Float square = hn::Mul(f, f);
+  const Float small = hn::Add(hn::Mul(hn::Mul(p, f), square), hn::Mul(e, set(-2.12194440e-4f)));
+  const Float sum = hn::Add(f, hn::Sub(small, hn::Mul(set(0.5f), square)));
+  const Float logarithm = hn::Add(sum, hn::Mul(e, set(0.693359375f)));
+  Float series = set(15.0f / 336.0f);
+  for (const float c : {3.0f / 40.0f, 1.0f / 6.0f, 1.0f}) series = hn::Sub(set(c), hn::Mul(m2, series));
+  series = hn::Mul(magnitude, series);
+  return hn::CopySign(hn::IfThenElse(hn::Lt(magnitude, set(0.125f)), series, logarithm), x);
+}
+
 HWY_ATTR void StabiliseRow(const float* HWY_RESTRICT in, float inverse_knee, float shift, int count,
                            float* HWY_RESTRICT out) {
-  for (int x = 0; x < count; ++x) out[x] = Asinh(in[x] * inverse_knee) - shift;
+  const Floats d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto stabilise = [&](int x) HWY_ATTR {
+    const Float value = AsinhOf(hn::Mul(hn::LoadU(d, in + x), hn::Set(d, inverse_knee)));
+    hn::StoreU(hn::Sub(value, hn::Set(d, shift)), d, out + x);
+  };
+  int x = 0;
+  for (; x + lanes <= count; x += lanes) stabilise(x);
+  if (x < count && lanes <= count) return stabilise(count - lanes);  // recomputes some
+  for (; x < count; ++x) out[x] = Asinh(in[x] * inverse_knee) - shift;
 }
 
 }  // namespace HWY_NAMESPACE

@@ -14,6 +14,7 @@ namespace {
 
 constexpr float kMixedKind = 1;
 constexpr float kPointKind = 2;
+constexpr size_t kMostKinds = 3;
 /// Terms that are summed: numerator n and denominator d of t, n^2, n d, d^2, and d times the relative
 /// variance of a half.
 constexpr size_t kTerms = 6;
@@ -166,29 +167,49 @@ Planes Choice::TermsOf(const Candidate& f, const Candidate& g, TaskPool* pool) c
 
 Planes Choice::CellSums(const Planes& terms, TaskPool* pool) const {
   Planes cells = MakePlanes(kinds_ * kTerms, CellsIn(halves_.width()), CellsIn(halves_.height()));
-  ForEachPixel(pool, halves_.width(), halves_.height(), [&](int x, int y) {  // a band has whole cells
-    const float n = terms[0].At(x, y);
-    const float d = terms[1].At(x, y);
-    const std::array<float, kTerms> values = {n, d, n * n, n * d, d * d, terms[2].At(x, y)};
-    Plane* const of_kind = &cells[KindOf(x, y) * kTerms];
-    for (size_t k = 0; k < kTerms; ++k) of_kind[k].At(x / kChoiceCell, y / kChoiceCell) += values[k];
+  ParallelFor(pool, cells[0].height(), [&](int64_t row) {
+    const int cy = static_cast<int>(row);
+    for (int cx = 0; cx < cells[0].width(); ++cx) {
+      const Rect cell = {cx * kChoiceCell, cy * kChoiceCell, (cx + 1) * kChoiceCell, (cy + 1) * kChoiceCell};
+      std::array<MeanTerms, kMostKinds> sums = {};
+      const Rect pixels = Intersect(cell, {0, 0, halves_.width(), halves_.height()});
+      for (int y = pixels.y0; y < pixels.y1; ++y) {
+        for (int x = pixels.x0; x < pixels.x1; ++x) {
+          const float n = terms[0].At(x, y);
+          const float d = terms[1].At(x, y);
+          const MeanTerms values = {n, d, n * n, n * d, d * d, terms[2].At(x, y)};
+          for (size_t k = 0; k < kTerms; ++k) sums[KindOf(x, y)][k] += values[k];
+        }
+      }
+      for (size_t i = 0; i < cells.size(); ++i) cells[i].At(cx, cy) = sums[i / kTerms][i % kTerms];
+    }
   });
   return cells;
 }
 
-void Choice::RefineByCells(const Planes& cells, int radius, TaskPool* pool, Plane* t) const {
+Plane Choice::ShareByCells(const Planes& cells, TaskPool* pool) const {
   const int width = cells[0].width();
   const int height = cells[0].height();
-  const Planes means = BoxMeans(cells, MakePlane(width, height, 1.0f).view(), radius, pool);
-  ForEachPixel(pool, t->width(), t->height(), [&](int x, int y) {
-    const int cx = x / kChoiceCell;
-    const int cy = y / kChoiceCell;
-    const Plane* const of_kind = &means[KindOf(x, y) * kTerms];
-    MeanTerms mean;
-    for (size_t k = 0; k < kTerms; ++k) mean[k] = of_kind[k].At(cx, cy);
-    const int count = CellsInWindow(cx, radius, width) * CellsInWindow(cy, radius, height);
-    t->At(x, y) = Refined<false>(t->At(x, y), mean, static_cast<float>(count), params_.significance);
+  const Plane ones = MakePlane(width, height, 1.0f);
+  Planes of_kind = MakePlanes(kinds_, width, height);
+  for (const int pixels : {params_.widest_radius, params_.wide_radius}) {
+    const int radius = pixels / kChoiceCell;
+    const Planes means = BoxMeans(cells, ones.view(), radius, pool);
+    for (size_t kind = 0; kind < kinds_; ++kind) {
+      ForEachPixel(pool, width, height, [&](int cx, int cy) {
+        MeanTerms mean;
+        for (size_t k = 0; k < kTerms; ++k) mean[k] = means[kind * kTerms + k].At(cx, cy);
+        const int count = CellsInWindow(cx, radius, width) * CellsInWindow(cy, radius, height);
+        float& t = of_kind[kind].At(cx, cy);
+        t = Refined<false>(t, mean, static_cast<float>(count), params_.significance);
+      });
+    }
+  }
+  Plane share = Plane::Uninitialized(halves_.width(), halves_.height());
+  ForEachPixel(pool, share.width(), share.height(), [&](int x, int y) {
+    share.At(x, y) = of_kind[KindOf(x, y)].At(x / kChoiceCell, y / kChoiceCell);
   });
+  return share;
 }
 
 template <size_t terms, typename Load, typename Use>
@@ -280,10 +301,7 @@ Plane Choice::Smooth(const Plane& share, TaskPool* pool) const {
 
 Plane Choice::ShareOf(const Candidate& f, const Candidate& g, TaskPool* pool) const {
   const Planes terms = TermsOf(f, g, pool);
-  Plane t(halves_.width(), halves_.height());
-  const Planes cells = CellSums(terms, pool);
-  for (const int radius : {params_.widest_radius, params_.wide_radius})
-    RefineByCells(cells, radius / kChoiceCell, pool, &t);
+  Plane t = ShareByCells(CellSums(terms, pool), pool);
   RefineByPixels(terms, pool, &t);
   return Smooth(t, pool);
 }

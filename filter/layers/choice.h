@@ -77,8 +77,9 @@ class Choice {
   /// Sums of all terms over the pixels of each cell, kind by kind.
   Planes CellSums(const Planes& terms, TaskPool* pool) const;
 
-  /// Moves t towards that of a narrower window: of a radius in cells, or the narrowest.
-  void RefineByCells(const Planes& cells, int radius, TaskPool* pool, Plane* t) const;
+  /// t of the wide windows, in which all pixels of a kind in a cell have the same.
+  Plane ShareByCells(const Planes& cells, TaskPool* pool) const;
+  /// Moves t towards that of the narrow window.
   void RefineByPixels(const Planes& terms, TaskPool* pool, Plane* t) const;
   /// Means of the shares, within [0, 1], over the pixels of one kind in a window.
   Plane Smooth(const Plane& share, TaskPool* pool) const;

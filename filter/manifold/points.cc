@@ -11,6 +11,8 @@ namespace lumifold::filter {
 namespace {
 
 constexpr int64_t kRunsPerTask = 128;
+/// Cells packed at a time: all planes of so many stay in the cache.
+constexpr int64_t kCellsPerTask = 64;
 /// Floats to which packed cells and weights are padded: loops over them need no remainder.
 constexpr size_t kLanes = 4;
 
@@ -26,22 +28,21 @@ class CellNumbers {
         numbers_(static_cast<size_t>(lattice.Columns()) * static_cast<size_t>(lattice.Rows()), kNone) {}
 
   uint32_t Of(int column, int row) {
-    const int cell = row * columns_ + column;
-    uint32_t& number = numbers_[static_cast<size_t>(cell)];
+    uint32_t& number = numbers_[static_cast<size_t>(row * columns_ + column)];
     if (number == kNone) {
       number = static_cast<uint32_t>(cells_.size());
-      cells_.push_back(cell);
+      cells_.push_back({column, row});
     }
     return number;
   }
-  std::vector<int> TakeCells() { return std::move(cells_); }
+  std::vector<std::array<int, 2>> TakeCells() { return std::move(cells_); }
 
  private:
   static constexpr uint32_t kNone = ~uint32_t{0};
 
   int columns_;
   std::vector<uint32_t> numbers_;
-  std::vector<int> cells_;
+  std::vector<std::array<int, 2>> cells_;
 };
 
 /// Calls body(run, scratch) for each run; `scratch` has so many floats.
@@ -67,7 +68,6 @@ void AddSquares(float feature, const float* __restrict heights, size_t lanes, fl
 Points::Points(const SlicePoints& points, const Planes& features, const Lattice& lattice)
     : points_(points),
       shared_features_(features.size() - points.own_features),
-      columns_(lattice.Columns()),
       by_row_(static_cast<size_t>(lattice.Rows())) {
   CellNumbers numbers(lattice);
   const size_t count = points.pixels.size();
@@ -95,18 +95,26 @@ Points::Points(const SlicePoints& points, const Planes& features, const Lattice&
   cells_ = numbers.TakeCells();
 }
 
+void Points::ForEachCells(TaskPool* pool, absl::FunctionRef<void(size_t, size_t)> body) const {
+  const auto count = static_cast<int64_t>(cells_.size());
+  ParallelFor(pool, (count + kCellsPerTask - 1) / kCellsPerTask, [&](int64_t task) {
+    const int64_t first = task * kCellsPerTask;
+    body(static_cast<size_t>(first), static_cast<size_t>(std::min(first + kCellsPerTask, count)));
+  });
+}
+
 Points::Packed Points::Pack(size_t sets, absl::FunctionRef<const Planes&(size_t)> planes_of, size_t pitch,
-                            size_t step, TaskPool* pool) const {
+                            TaskPool* pool) const {
   const size_t planes = planes_of(0).size();
-  const size_t stride = Padded(planes * pitch);
-  Packed packed{stride, std::vector<float>(cells_.size() * stride)};
-  ParallelFor(pool, static_cast<int64_t>(sets), [&](int64_t task) {
-    const auto set = static_cast<size_t>(task);
-    for (size_t k = 0; k < planes; ++k) {
-      const Plane& plane = planes_of(set)[k];
-      float* to = packed.cells.data() + k * pitch + set * step;
-      for (size_t i = 0; i < cells_.size(); ++i)
-        to[i * packed.stride] = plane.At(cells_[i] % columns_, cells_[i] / columns_);
+  Packed packed{Padded(planes * pitch), {}};
+  packed.cells.resize(cells_.size() * packed.stride);
+  ForEachCells(pool, [&](size_t first, size_t last) {
+    for (size_t set = 0; set < sets; ++set) {
+      for (size_t k = 0; k < planes; ++k) {
+        const Plane& plane = planes_of(set)[k];
+        float* to = packed.cells.data() + k * pitch + set;
+        for (size_t i = first; i < last; ++i) to[i * packed.stride] = plane.At(cells_[i][0], cells_[i][1]);
+      }
     }
   });
   return packed;
@@ -151,7 +159,7 @@ void Points::WeighRun(size_t run, const Packed& eta, size_t lanes, float* scratc
 PointWeights Points::Weigh(const std::vector<Manifold>& manifolds, TaskPool* pool) const {
   const size_t lanes = Padded(manifolds.size());
   const Packed eta =
-      Pack(manifolds.size(), [&](size_t i) -> const Planes& { return manifolds[i].eta; }, lanes, 1, pool);
+      Pack(manifolds.size(), [&](size_t i) -> const Planes& { return manifolds[i].eta; }, lanes, pool);
   PointWeights weights{lanes, std::vector<float>(points_.pixels.size() * points_.samples * lanes)};
   ForEachRun(runs_.size(), eta.stride + lanes, pool,
              [&](size_t run, float* scratch) { WeighRun(run, eta, lanes, scratch, weights.values.data()); });
@@ -180,17 +188,18 @@ void Points::SplatRun(const Run& run, const std::vector<float>& signals, const s
 void Points::Splat(const std::vector<float>& signals, const std::vector<float>& masses,
                    const PointWeights& weights, TaskPool* pool, std::vector<Planes>* splats) const {
   Packed packed =
-      Pack(splats->size(), [&](size_t i) -> const Planes& { return (*splats)[i]; }, weights.stride, 1, pool);
+      Pack(splats->size(), [&](size_t i) -> const Planes& { return (*splats)[i]; }, weights.stride, pool);
   ParallelFor(pool, static_cast<int64_t>(by_row_.size()), [&](int64_t row) {
     for (const size_t run : by_row_[static_cast<size_t>(row)])
       SplatRun(runs_[run], signals, masses, weights, &packed);
   });
-  ParallelFor(pool, static_cast<int64_t>(splats->size()), [&](int64_t task) {
-    const auto manifold = static_cast<size_t>(task);
-    for (size_t k = 0; k < (*splats)[manifold].size(); ++k) {
-      const float* from = packed.cells.data() + k * weights.stride + manifold;
-      for (size_t i = 0; i < cells_.size(); ++i)
-        (*splats)[manifold][k].At(cells_[i] % columns_, cells_[i] / columns_) = from[i * packed.stride];
+  ForEachCells(pool, [&](size_t first, size_t last) {
+    for (size_t manifold = 0; manifold < splats->size(); ++manifold) {
+      for (size_t k = 0; k < (*splats)[manifold].size(); ++k) {
+        const float* from = packed.cells.data() + k * weights.stride + manifold;
+        for (size_t i = first; i < last; ++i)
+          (*splats)[manifold][k].At(cells_[i][0], cells_[i][1]) = from[i * packed.stride];
+      }
     }
   });
 }
@@ -218,11 +227,9 @@ void Points::SliceRun(const Run& run, const Packed& psi, size_t manifold, size_t
 void Points::Slice(const std::vector<Planes>& psi, const PointWeights& weights, TaskPool* pool,
                    SlicedPoints* sums) const {
   const size_t channels = psi[0].size() - 1;
-  std::vector<Packed> packed(psi.size());
-  ParallelFor(pool, static_cast<int64_t>(psi.size()), [&](int64_t task) {
-    const auto i = static_cast<size_t>(task);
-    packed[i] = Pack(1, [&](size_t) -> const Planes& { return psi[i]; }, 1, 0, nullptr);
-  });
+  std::vector<Packed> packed;
+  for (const Planes& planes : psi)
+    packed.push_back(Pack(1, [&](size_t) -> const Planes& { return planes; }, 1, pool));
   ForEachRun(runs_.size(), packed[0].stride, pool, [&](size_t run, float* scratch) {
     for (size_t i = 0; i < packed.size(); ++i)
       SliceRun(runs_[run], packed[i], i, channels, weights, scratch, sums);

@@ -60,8 +60,10 @@ class Points {
     std::vector<float> cells;
   };
 
-  /// Packs plane k of the i-th of `sets` sets of planes at [k * pitch + i * step] of each cell.
-  Packed Pack(size_t sets, absl::FunctionRef<const Planes&(size_t)> planes_of, size_t pitch, size_t step,
+  /// Calls body(first, last) for ranges of cells_.
+  void ForEachCells(TaskPool* pool, absl::FunctionRef<void(size_t, size_t)> body) const;
+  /// Packs plane k of the i-th of `sets` sets of planes at [k * pitch + i] of each cell.
+  Packed Pack(size_t sets, absl::FunctionRef<const Planes&(size_t)> planes_of, size_t pitch,
               TaskPool* pool) const;
   /// All floats of a cell at the pixel of a run, bilinearly.
   static void Read(const Packed& packed, const Run& run, float* values);
@@ -73,9 +75,8 @@ class Points {
 
   const SlicePoints& points_;
   size_t shared_features_;  // those of the pixel
-  int columns_;             // of the lattice
   std::vector<Run> runs_;
-  std::vector<int> cells_;                   // of the lattice, row by row: what is packed
+  std::vector<std::array<int, 2>> cells_;    // column and row of each that is packed
   std::vector<float> pixel_features_;        // the shared ones, run by run
   std::vector<std::vector<size_t>> by_row_;  // runs by the row of their own cell
 };

@@ -14,93 +14,40 @@
 
 #include "filter/kernels/exp-inl.h"
 
-// Loops that need shuffles or masks are written with Highway; plain ones the compiler turns into vector code,
-// once for each target. Multiplications and additions stay apart everywhere, and sums over x never cross
-// lanes except pair by pair.
+// Loops that need masks are written with Highway; plain ones the compiler turns into vector code, once for
+// each target. Multiplications and additions stay apart everywhere, and sums over x never cross lanes.
 HWY_BEFORE_NAMESPACE();
 namespace lumifold::filter {
 namespace HWY_NAMESPACE {
-
-/// Where the lanes of a vector of pixels lie between cells.
-struct LanesAt {
-  int cell;
-  Int left;
-  Int right;
-  Float part;
-};
-
-HWY_INLINE LanesAt LanesFrom(const Widening& widening, int x) {
-  const Floats d;
-  const Ints di;
-  const int phase = x % 64;
-  const int32_t* left = widening.left.data() + phase;
-  LanesAt at;
-  at.cell = *left + ((x - phase) >> widening.shift);
-  at.left = hn::Sub(hn::LoadU(di, left), hn::Set(di, *left));
-  // With one-pixel cells the last right neighbour is out of reach; its part is 0 there.
-  at.right = hn::Min(hn::Add(at.left, hn::Set(di, 1)),
-                     hn::Set(di, static_cast<int32_t>(std::max<size_t>(hn::Lanes(d), 2)) - 1));
-  at.part = hn::LoadU(d, widening.part.data() + phase);
-  return at;
-}
-
-/// Reads a row of cells at those pixels.
-HWY_INLINE Float Widen(const LanesAt& at, const float* cells) {
-  const Floats d;
-#if HWY_TARGET == HWY_SCALAR
-  const Float left = hn::LoadU(d, cells + at.cell);
-  const Float right = hn::LoadU(d, cells + at.cell + 1);
-#else
-  const Float here = hn::LoadU(d, cells + at.cell);
-  const Float left = hn::TableLookupLanes(here, hn::IndicesFromVec(d, at.left));
-  const Float right = hn::TableLookupLanes(here, hn::IndicesFromVec(d, at.right));
-#endif
-  return hn::Add(left, hn::Mul(at.part, hn::Sub(right, left)));
-}
 
 HWY_INLINE void AddTo(float* sum, Float value) {
   const Floats d;
   hn::StoreU(hn::Add(hn::LoadU(d, sum), value), d, sum);
 }
 
-/// Squared distance from the manifold. Sums of squares only grow: once all pixels are too far to have a
-/// weight, what is left of them is not added.
-HWY_INLINE Float SquareAt(const LanesAt& at, const WeighArgs& args, int x) {
+/// Cells at c, to be read by pixels of some phases: value + part * slope.
+struct CellsAt {
+  Float value;
+  Float slope;
+};
+HWY_INLINE CellsAt ReadCells(const float* cells) {
   const Floats d;
-  const Float farthest = hn::Set(d, kFarthest);
-  Float square = hn::Zero(d);
-  for (size_t k = 0; k < args.dimensions; ++k) {
-    const Float eta = Widen(at, args.eta + k * args.eta_stride);
-    const Float offset = hn::Sub(hn::LoadU(d, args.features[k] + x), eta);
-    square = hn::Add(square, hn::Mul(offset, offset));
-    if ((k & 1) != 0 && hn::AllTrue(d, hn::Ge(square, farthest))) break;
-  }
-  return square;
+  const Float value = hn::LoadU(d, cells);
+  return {value, hn::Sub(hn::LoadU(d, cells + 1), value)};
 }
-
-/// The same to the end, and position along the axis that splits the manifold's cluster.
-HWY_INLINE Float SquareAndPositionAt(const LanesAt& at, const WeighArgs& args, const float* axis, int x,
-                                     Float* along) {
-  const Floats d;
-  Float square = hn::Zero(d);
-  *along = hn::Zero(d);
-  for (size_t k = 0; k < args.dimensions; ++k) {
-    const Float eta = Widen(at, args.eta + k * args.eta_stride);
-    const Float offset = hn::Sub(hn::LoadU(d, args.features[k] + x), eta);
-    square = hn::Add(square, hn::Mul(offset, offset));
-    *along = hn::Add(*along, hn::Mul(hn::Set(d, axis[k]), offset));
-  }
-  return square;
+HWY_INLINE Float Widen(const CellsAt& cells, float part) {
+  return hn::Add(cells.value, hn::Mul(hn::Set(Floats(), part), cells.slope));
 }
 
 /// Whether any of the pixels belongs to the cluster.
-HWY_INLINE bool HasMembers(const SplitArgs& split, int x) {
+HWY_INLINE bool HasMembers(const SplitArgs& split, std::ptrdiff_t x) {
   const Floats d;
   return !hn::AllFalse(d, hn::Eq(hn::LoadU(d, split.labels + x), hn::Set(d, split.cluster)));
 }
 
+/// `x`: of the pixels in their rows, `at`: in strips.
 HWY_INLINE void SplitCluster(const WeighArgs& args, const SplitArgs& split, Float weight, Float along,
-                             int x) {
+                             std::ptrdiff_t x, std::ptrdiff_t at) {
   const Floats d;
   const auto is_own = hn::Eq(hn::LoadU(d, split.labels + x), hn::Set(d, split.cluster));
   const Float before = hn::LoadU(d, split.members + x);
@@ -115,40 +62,62 @@ HWY_INLINE void SplitCluster(const WeighArgs& args, const SplitArgs& split, Floa
   const Float near_mass = hn::IfThenZeroElse(is_far, mass);
   for (size_t k = 0; k < args.dimensions; ++k) {
     const Float feature = hn::LoadU(d, args.features[k] + x);
-    AddTo(split.near_sums[k] + x, hn::Mul(near_mass, feature));
-    AddTo(split.far_sums[k] + x, hn::Mul(far_mass, feature));
+    AddTo(split.near_sums[k] + at, hn::Mul(near_mass, feature));
+    AddTo(split.far_sums[k] + at, hn::Mul(far_mass, feature));
   }
-  AddTo(split.near_sums[args.dimensions] + x, near_mass);
-  AddTo(split.far_sums[args.dimensions] + x, far_mass);
+  AddTo(split.near_sums[args.dimensions] + at, near_mass);
+  AddTo(split.far_sums[args.dimensions] + at, far_mass);
 }
 
-template <bool kSplits>
-HWY_INLINE bool WeighStrip(const Widening& widening, const WeighArgs& args, const SplitArgs* split) {
+/// A vector of cells in n phases from `phase` on, all of one side.
+template <size_t n, bool kSplits>
+HWY_INLINE bool WeighPhases(const Phases& phases, const WeighArgs& args, const SplitArgs* split, int phase,
+                            int c) {
   const Floats d;
-  bool found = false;
-  for (int x = 0; x < args.count; x += static_cast<int>(hn::Lanes(d))) {
-    const LanesAt at = LanesFrom(widening, x);
-    const bool has_members = kSplits && HasMembers(*split, x);
-    Float along = hn::Zero(d);
-    const Float square =
-        has_members ? SquareAndPositionAt(at, args, split->axis, x, &along) : SquareAt(at, args, x);
-    const auto is_near = hn::Lt(square, hn::Set(d, kFarthest));
-    Float weight = hn::Zero(d);
-    if (!hn::AllFalse(d, is_near)) {
-      weight = hn::IfThenElseZero(is_near, ExpOfNegative(hn::Neg(square)));
-      AddTo(args.total + x, weight);
+  const std::ptrdiff_t x = phase * args.phase_stride + c;
+  const auto pixel = [&](size_t i)
+                         HWY_ATTR { return x + static_cast<std::ptrdiff_t>(i) * args.phase_stride; };
+  const float* eta = args.eta + c + phases.Side(phase);
+  const float* part = phases.part.data() + phase;
+  Float squares[n], alongs[n];
+  for (size_t i = 0; i < n; ++i) squares[i] = alongs[i] = hn::Zero(d);
+  for (size_t k = 0; k < args.dimensions; ++k, eta += args.eta_stride) {
+    const CellsAt cells = ReadCells(eta);
+    for (size_t i = 0; i < n; ++i) {
+      const Float offset = hn::Sub(hn::LoadU(d, args.features[k] + pixel(i)), Widen(cells, part[i]));
+      squares[i] = hn::Add(squares[i], hn::Mul(offset, offset));
+      if (kSplits) alongs[i] = hn::Add(alongs[i], hn::Mul(hn::Set(d, split->axis[k]), offset));
     }
-    hn::StoreU(weight, d, args.weight + x);
-    if (!has_members) continue;
+  }
+  bool found = false;
+  for (size_t i = 0; i < n; ++i) {
+    const auto is_near = hn::Lt(squares[i], hn::Set(d, kFarthest));
+    const Float weight = hn::IfThenElseZero(is_near, ExpOfNegative(hn::Neg(squares[i])));
+    AddTo(args.total + pixel(i), weight);
+    hn::StoreU(weight, d, args.weight + pixel(i));
+    if (!kSplits || !HasMembers(*split, pixel(i))) continue;
     found = true;
-    SplitCluster(args, *split, weight, along, x);
+    SplitCluster(args, *split, weight, alongs[i], pixel(i),
+                 (phase + static_cast<std::ptrdiff_t>(i)) * split->sum_stride + c);
   }
   return found;
 }
 
-HWY_ATTR bool WeighRow(const Widening& widening, const WeighArgs& args, const SplitArgs* split) {
-  return split != nullptr ? WeighStrip<true>(widening, args, split)
-                          : WeighStrip<false>(widening, args, nullptr);
+template <size_t n, bool kSplits>
+HWY_INLINE bool WeighStrip(const Phases& phases, const WeighArgs& args, const SplitArgs* split) {
+  bool found = false;
+  for (int phase = 0; phase < phases.step; phase += static_cast<int>(n)) {
+    for (int c = 0; c < args.count; c += static_cast<int>(hn::Lanes(Floats())))
+      found |= WeighPhases<n, kSplits>(phases, args, split, phase, c);
+  }
+  return found;
+}
+
+HWY_ATTR bool WeighRow(const Phases& phases, const WeighArgs& args, const SplitArgs* split) {
+  const bool has_pairs = phases.step >= 4;  // on each side
+  if (split != nullptr)
+    return has_pairs ? WeighStrip<2, true>(phases, args, split) : WeighStrip<1, true>(phases, args, split);
+  return has_pairs ? WeighStrip<2, false>(phases, args, split) : WeighStrip<1, false>(phases, args, split);
 }
 
 HWY_ATTR bool SplatRow(const SplatArgs& args) {
@@ -166,47 +135,55 @@ HWY_ATTR bool SplatRow(const SplatArgs& args) {
   return found;
 }
 
-/// `n` planes from plane `first` on, at the pixels of one vector.
+/// m planes from plane `first` on, at a vector of cells in n phases from `phase` on, all of one side.
+template <size_t n, size_t m>
+HWY_INLINE void SlicePlanes(const Phases& phases, const SliceArgs& args, size_t first, int phase, int c) {
+  const Floats d;
+  const std::ptrdiff_t x = phase * args.phase_stride + c;
+  const auto pixel = [&](size_t i)
+                         HWY_ATTR { return x + static_cast<std::ptrdiff_t>(i) * args.phase_stride; };
+  const float* psi = args.psi + first * args.psi_stride + c + phases.Side(phase);
+  const float* part = phases.part.data() + phase;
+  Float sums[m][n];
+#pragma GCC unroll 4
+  for (size_t k = 0; k < m; ++k) {
+    for (size_t i = 0; i < n; ++i) sums[k][i] = hn::LoadU(d, args.sums[first + k] + pixel(i));
+  }
+  for (size_t j = 0; j < args.manifolds; ++j, psi += args.planes * args.psi_stride) {
+    Float weights[n];
+    for (size_t i = 0; i < n; ++i) weights[i] = hn::LoadU(d, args.weights[j] + pixel(i));
+    const Float any = n > 1 ? hn::Add(weights[0], weights[n - 1]) : weights[0];
+    if (hn::AllTrue(d, hn::Eq(any, hn::Zero(d)))) continue;
+#pragma GCC unroll 4
+    for (size_t k = 0; k < m; ++k) {
+      const CellsAt cells = ReadCells(psi + k * args.psi_stride);
+      for (size_t i = 0; i < n; ++i)
+        sums[k][i] = hn::Add(sums[k][i], hn::Mul(weights[i], Widen(cells, part[i])));
+    }
+  }
+#pragma GCC unroll 4
+  for (size_t k = 0; k < m; ++k) {
+    for (size_t i = 0; i < n; ++i) hn::StoreU(sums[k][i], d, args.sums[first + k] + pixel(i));
+  }
+}
+
 template <size_t n>
-HWY_INLINE void SlicePlanes(const LanesAt& at, const SliceArgs& args, size_t first, int x) {
-  const Floats d;
-  const float* psi = args.psi + first * args.psi_stride;
-  Float sums[n];
-#pragma GCC unroll 4
-  for (size_t c = 0; c < n; ++c) sums[c] = hn::LoadU(d, args.sums[first + c] + x);
-  for (size_t i = 0; i < args.manifolds; ++i, psi += args.planes * args.psi_stride) {
-    const Float weight = hn::LoadU(d, args.weights[i] + x);
-    if (hn::AllTrue(d, hn::Eq(weight, hn::Zero(d)))) continue;  // most pixels are far from most manifolds
-#pragma GCC unroll 4
-    for (size_t c = 0; c < n; ++c)
-      sums[c] = hn::Add(sums[c], hn::Mul(weight, Widen(at, psi + c * args.psi_stride)));
-  }
-#pragma GCC unroll 4
-  for (size_t c = 0; c < n; ++c) hn::StoreU(sums[c], d, args.sums[first + c] + x);
-}
-
-HWY_ATTR void SliceRow(const Widening& widening, const SliceArgs& args) {
-  for (int x = 0; x < args.count; x += static_cast<int>(hn::Lanes(Floats()))) {
-    const LanesAt at = LanesFrom(widening, x);
-    size_t c = 0;
-    for (; c + 4 <= args.planes; c += 4) SlicePlanes<4>(at, args, c, x);
-    for (; c < args.planes; ++c) SlicePlanes<1>(at, args, c, x);
+HWY_INLINE void SlicePhases(const Phases& phases, const SliceArgs& args) {
+  for (int phase = 0; phase < phases.step; phase += static_cast<int>(n)) {
+    for (int c = 0; c < args.count; c += static_cast<int>(hn::Lanes(Floats()))) {
+      size_t k = 0;
+      for (; k + 4 <= args.planes; k += 4) SlicePlanes<n, 4>(phases, args, k, phase, c);
+      for (; k < args.planes; ++k) SlicePlanes<n, 1>(phases, args, k, phase, c);
+    }
   }
 }
 
-HWY_ATTR void AddPairs(const float* from, int count, float scale, float* to) {
-  int i = 0;
-#if HWY_TARGET != HWY_SCALAR
-  const Floats d;
-  const int lanes = static_cast<int>(hn::Lanes(d));
-  for (; 2 * (i + lanes) <= count; i += lanes) {
-    const Float lower = hn::LoadU(d, from + 2 * i);
-    const Float upper = hn::LoadU(d, from + 2 * i + lanes);
-    const Float sum = hn::Add(hn::ConcatEven(d, upper, lower), hn::ConcatOdd(d, upper, lower));
-    hn::StoreU(hn::Mul(hn::Set(d, scale), sum), d, to + i);
-  }
-#endif
-  for (; i < count / 2; ++i) to[i] = scale * (from[2 * i] + from[2 * i + 1]);
+HWY_ATTR void SliceRow(const Phases& phases, const SliceArgs& args) {
+  return phases.step >= 4 ? SlicePhases<2>(phases, args) : SlicePhases<1>(phases, args);
+}
+
+HWY_ATTR void AddRows(const float* a, const float* b, float scale, int count, float* to) {
+  for (int x = 0; x < count; ++x) to[x] = scale * (a[x] + b[x]);
 }
 
 HWY_INLINE void BlendRow(const float* upper, const float* lower, float fraction, int begin, int end,
@@ -344,21 +321,18 @@ namespace lumifold::filter {
 HWY_EXPORT(WeighRow);
 HWY_EXPORT(SplatRow);
 HWY_EXPORT(SliceRow);
-HWY_EXPORT(AddPairs);
+HWY_EXPORT(AddRows);
 HWY_EXPORT(BlendCells);
 HWY_EXPORT(AddProductRow);
 HWY_EXPORT(QuotientRow);
 HWY_EXPORT(CorrelateRows);
 HWY_EXPORT(StabiliseRow);
 
-Widening::Widening(int cell_step)
-    : step(cell_step), shift(std::countr_zero(static_cast<unsigned>(cell_step))) {
-  const int offset = step == 1 ? 1 : step / 2;  // a one-pixel cell is read as it is
-  for (size_t x = 0; x < left.size(); ++x) {
-    const int position = static_cast<int>(x) + offset;
-    left[x] = position / step;
-    part[x] = step == 1 ? 0.0f : (static_cast<float>(position % step) + 0.5f) / static_cast<float>(step);
-  }
+Phases::Phases(int cell_step) : step(cell_step) {
+  for (int j = 0; j < step; ++j)
+    part[static_cast<size_t>(j)] =
+        step == 1 ? 0.0f  // a cell of one pixel is read as it is
+                  : (static_cast<float>((j + step / 2) % step) + 0.5f) / static_cast<float>(step);
 }
 
 void CorrelateNarrowRows(const CorrelateArgs& args, float* out) {
@@ -375,15 +349,13 @@ void CorrelateNarrowRows(const CorrelateArgs& args, float* out) {
   }
 }
 
-bool WeighRow(const Widening& widening, const WeighArgs& args, const SplitArgs* split) {
-  return HWY_DYNAMIC_DISPATCH(WeighRow)(widening, args, split);
+bool WeighRow(const Phases& phases, const WeighArgs& args, const SplitArgs* split) {
+  return HWY_DYNAMIC_DISPATCH(WeighRow)(phases, args, split);
 }
 bool SplatRow(const SplatArgs& args) { return HWY_DYNAMIC_DISPATCH(SplatRow)(args); }
-void SliceRow(const Widening& widening, const SliceArgs& args) {
-  HWY_DYNAMIC_DISPATCH(SliceRow)(widening, args);
-}
-void AddPairs(const float* from, int count, float scale, float* to) {
-  HWY_DYNAMIC_DISPATCH(AddPairs)(from, count, scale, to);
+void SliceRow(const Phases& phases, const SliceArgs& args) { HWY_DYNAMIC_DISPATCH(SliceRow)(phases, args); }
+void AddRows(const float* a, const float* b, float scale, int count, float* to) {
+  HWY_DYNAMIC_DISPATCH(AddRows)(a, b, scale, count, to);
 }
 void BlendCells(const BlendArgs& args) { HWY_DYNAMIC_DISPATCH(BlendCells)(args); }
 void AddProductRow(const float* a, const float* b, int count, float* sums) {

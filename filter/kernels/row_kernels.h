@@ -9,29 +9,27 @@ namespace lumifold::filter {
 // The inner loops of the filter, over one strip of one row of pixels or cells. They run with the widest
 // vectors of the processor, chosen at run time, and give the same bits with any width: no multiply-add is
 // fused, and no order of summation depends on the width. Each is equal to the last bit to an oracle of the
-// tests, of the same signature. Strips begin at a multiple of kStripColumns; rows of pixels may be read and
-// written up to the next multiple of kRowPadding floats, as Plane allows. All are safe to run concurrently.
+// tests, of the same signature. Strips begin at a multiple of kStripColumns; rows may be read and written up
+// to the next multiple of kRowPadding floats, as Plane allows. All are safe to run concurrently.
 
-/// Greatest number of columns that one call works on: its sums stay in the cache, yet rows of cells are long
-/// enough for hardware prefetching. A multiple of every cell's side.
+/// Greatest number of columns of pixels that one call works on: its sums stay in the cache, yet rows of cells
+/// are long enough for hardware prefetching. A multiple of every cell's side.
 inline constexpr int kStripColumns = 1024;
-/// Floats to which rows of pixels are padded.
+/// Floats to which rows are padded.
 inline constexpr int kRowPadding = 16;
-/// Distance of sums that are added to side by side. Strips a power of two apart would share a few sets of the
-/// cache, and drive each other out.
-inline constexpr size_t kSumStride = kStripColumns + kRowPadding;
 /// Floats that may be read (not used) after the last cell of a row of cells.
 inline constexpr int kCellPadding = 32;
 
-/// Interpolation of a row of cells at full resolution: pixel x lies `part[x % 64]` of the way from cell
-/// left(x) to the next; cell 0 is one before the strip's first.
-struct Widening {
-  explicit Widening(int cell_step);
+/// How pixels lie between cells of `step` pixels. Rows of pixels are ordered by phase: first the first pixel
+/// of each cell, then the second, each phase padded. So the pixels of a vector all lie alike between their
+/// cells and the next ones, and what they read from cells follows each other. Pixels of phase j lie `part[j]`
+/// of the way from cell c - 1 + Side(j) to the one after.
+struct Phases {
+  explicit Phases(int cell_step);
+  int Side(int phase) const { return phase >= step / 2 ? 1 : 0; }
 
-  int step;   // pixels to a cell: a power of two up to 64
-  int shift;  // its logarithm
-  std::array<int32_t, 64 + kRowPadding> left;
-  std::array<float, 64 + kRowPadding> part;
+  int step;  // a power of two up to 64
+  std::array<float, 64> part;
 };
 
 /// Rows of cells between two others: out[p] = upper[p] + fraction (lower[p] - upper[p]) for each of `planes`
@@ -55,9 +53,10 @@ struct WeighArgs {
   const float* eta;              // d rows of cells, from one before the strip's first: the manifold
   size_t eta_stride;
   size_t dimensions;
-  float* weight;  // out: exp(-squared distance from the manifold)
-  float* total;   // += weight
-  int count;      // pixels
+  float* weight;                // out: exp(-squared distance from the manifold)
+  float* total;                 // += weight
+  std::ptrdiff_t phase_stride;  // from one phase of the pixels to the next
+  int count;                    // cells
 };
 
 /// How the manifold's cluster is split in two.
@@ -65,16 +64,17 @@ struct SplitArgs {
   const float* axis;  // d
   float cluster;      // label of the manifold's own pixels
   const float* labels;
-  float* members;           // membership of each pixel in its cluster: lowered near the split
-  float* next_labels;       // out, own pixels only: 2 * cluster, + 1 on the axis' side
-  float* const* near_sums;  // d + 1 strips of cluster 2 * cluster: += member * (1 - weight) * feature, and
-                            // without feature
-  float* const* far_sums;   // the same of cluster 2 * cluster + 1
+  float* members;             // membership of each pixel in its cluster: lowered near the split
+  float* next_labels;         // out, own pixels only: 2 * cluster, + 1 on the axis' side
+  float* const* near_sums;    // d + 1 strips of cluster 2 * cluster: += member * (1 - weight) * feature, and
+                              // without feature
+  float* const* far_sums;     // the same of cluster 2 * cluster + 1
+  std::ptrdiff_t sum_stride;  // from one phase of a strip to the next
 };
 
-/// One row of pixels on one manifold.
+/// Pixels of one phase on one manifold.
 struct SplatArgs {
-  const float* const* signals;  // C rows of pixels
+  const float* const* signals;  // C rows
   size_t signal_count;
   const float* mask;
   const float* weight;
@@ -89,20 +89,21 @@ struct SliceArgs {
   const float* psi;  // M * planes rows of cells, manifold by manifold, from one before the strip's first
   size_t psi_stride;
   size_t planes;
-  float* const* sums;  // `planes` rows of pixels: += sum over manifolds of weight * psi
-  int count;
+  float* const* sums;           // `planes` rows of pixels: += sum over manifolds of weight * psi
+  std::ptrdiff_t phase_stride;  // of the pixels
+  int count;                    // cells
 };
 
 void BlendCells(const BlendArgs& args);
 /// Whether any pixel belongs to the cluster. `split` may be null: none does.
-bool WeighRow(const Widening& widening, const WeighArgs& args, const SplitArgs* split);
+bool WeighRow(const Phases& phases, const WeighArgs& args, const SplitArgs* split);
 /// Whether any pixel has weight.
 bool SplatRow(const SplatArgs& args);
-void SliceRow(const Widening& widening, const SliceArgs& args);
+void SliceRow(const Phases& phases, const SliceArgs& args);
 /// sums[x] += a[x] * b[x], rows of pixels.
 void AddProductRow(const float* a, const float* b, int count, float* sums);
-/// to[i] = scale * (from[2 i] + from[2 i + 1]) for i < count / 2. `count` is even; `to` may be `from`.
-void AddPairs(const float* from, int count, float scale, float* to);
+/// to[x] = scale * (a[x] + b[x]); `to` may be `a`.
+void AddRows(const float* a, const float* b, float scale, int count, float* to);
 /// sums[x] /= total[x]; instead[x] where the total is below `least`.
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums);
 /// Rows of pixels under a window: `rows` of them, and `row_taps` factors for each, one row's after another's.

@@ -105,14 +105,12 @@ void AddMoments(Planes* splat) {
   *splat = std::move(planes);
 }
 
-Planes FitLight(const Planes& means, float unit_px, float ridge, TaskPool* pool) {
-  const int width = means[0].width();
-  const int height = means[0].height();
-  Planes light = MakeUninitializedPlanes(kColors, width, height);
-  ForEachPixel(pool, width, height, [&](int x, int y) {
-    const auto value = PlaneAt(ReadMoments([&](size_t k) { return means[k].At(x, y); }), ridge,
-                               PositionOf(x, width, unit_px), PositionOf(y, height, unit_px));
-    for (size_t c = 0; c < kColors; ++c) light[c].At(x, y) = value[c];
+Planes FitLight(const Planes& means, const Plane& x, const Plane& y, float ridge, TaskPool* pool) {
+  Planes light = MakeUninitializedPlanes(kColors, x.width(), x.height());
+  ForEachPixel(pool, x.width(), x.height(), [&](int i, int j) {
+    const auto value =
+        PlaneAt(ReadMoments([&](size_t k) { return means[k].At(i, j); }), ridge, x.At(i, j), y.At(i, j));
+    for (size_t c = 0; c < kColors; ++c) light[c].At(i, j) = value[c];
   });
   return light;
 }

@@ -26,10 +26,10 @@ Planes WithPosition(const Planes& light, float unit_px, TaskPool* pool);
 void AddMoments(Planes* splat);
 
 /// The fitted plane's value at each pixel. `means`: the moments, blurred, sliced and divided by the weight;
-/// `ridge` is added to the variances of positions. Result: 3 planes; the pixel's own light where the filter
+/// `x`, `y`: the pixels' positions, those of WithPosition(), in the same order; `ridge` is added to the variances of positions. Result: 3 planes; the pixel's own light where the filter
 /// found nothing.
 /// Threads: identical for any pool.
-Planes FitLight(const Planes& means, float unit_px, float ridge, TaskPool* pool);
+Planes FitLight(const Planes& means, const Plane& x, const Plane& y, float ridge, TaskPool* pool);
 
 /// The same at points, which count as if they were at the centres of their pixels, in a picture of `width` x
 /// `height`. 3 channels.

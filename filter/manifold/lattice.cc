@@ -2,7 +2,7 @@
 
 #include <bit>
 
-#include "filter/kernels/row_kernels.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::filter {
 
@@ -14,22 +14,53 @@ CellSpan SpanOf(int p, int step, int cells) {
   return {std::max(first, 0), std::min(first + 1, cells - 1), part};
 }
 
-void StoreCellMeans(const Lattice& lattice, int row, int x0, int count, float* sums, float* cells) {
-  const int columns = (count + lattice.step - 1) / lattice.step;
+Plane ByPhase(ConstFloatView plane, const Lattice& lattice, TaskPool* pool) {
+  const int step = lattice.step;
+  Plane by_phase = Plane::Uninitialized(lattice.PhasedWidth(), lattice.height);
+  ForEachBand(pool, lattice.height, [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (int j = 0; j < step; ++j) {
+        const float* from = plane.Row(y) + j;
+        float* to = by_phase.Row(y) + j * lattice.PhaseStride();
+        const int cells = (lattice.width - j + step - 1) / step;
+        for (int c = 0; c < cells; ++c) to[c] = from[c * step];
+        std::fill(to + cells, to + lattice.PhaseStride(), 0.0f);
+      }
+    }
+  });
+  return by_phase;
+}
+
+Plane InOrder(const Plane& by_phase, const Lattice& lattice, TaskPool* pool) {
+  const int step = lattice.step;
+  Plane plane = Plane::Uninitialized(lattice.width, lattice.height);
+  ForEachBand(pool, lattice.height, [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (int j = 0; j < step; ++j) {
+        const float* from = by_phase.Row(y) + j * lattice.PhaseStride();
+        float* to = plane.Row(y) + j;
+        for (int c = 0; c * step < lattice.width - j; ++c) to[c * step] = from[c];
+      }
+    }
+  });
+  return plane;
+}
+
+void StoreCellMeans(const Lattice& lattice, int row, int column, int count, float* sums, float* cells) {
   const int rows = lattice.RowHeight(row);
-  int left = columns * lattice.step;
-  std::fill(sums + count, sums + left, 0.0f);
-  const bool are_whole = left == count && rows == lattice.step;
-  for (int step = lattice.step; step > 2; step /= 2, left /= 2) AddPairs(sums, left, 1.0f, sums);
-  float* means = cells + x0 / lattice.step;
+  const int stride = lattice.SumStride();
+  const bool are_whole = rows == lattice.step && lattice.ColumnWidth(column + count - 1) == lattice.step;
   // The area of whole cells is a power of two: its inverse gives the quotient's bits.
   const float scale = are_whole ? 1.0f / static_cast<float>(lattice.step * rows) : 1.0f;
-  if (lattice.step > 1)
-    AddPairs(sums, left, scale, means);
-  else
-    std::copy_n(sums, columns, means);
-  for (int c = 0; c < columns && !are_whole; ++c)
-    means[c] /= static_cast<float>(lattice.ColumnWidth(x0 / lattice.step + c) * rows);
+  float* means = cells + column;
+  if (lattice.step == 1) std::copy_n(sums, count, means);
+  for (int pairs = lattice.step / 2; pairs >= 1; pairs /= 2) {
+    for (int j = 0; j < pairs; ++j)
+      AddRows(sums + 2 * j * stride, sums + (2 * j + 1) * stride, pairs == 1 ? scale : 1.0f, count,
+              pairs == 1 ? means : sums + j * stride);
+  }
+  for (int c = 0; c < count && !are_whole; ++c)
+    means[c] /= static_cast<float>(lattice.ColumnWidth(column + c) * rows);
 }
 
 }  // namespace lumifold::filter

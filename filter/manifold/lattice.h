@@ -1,6 +1,11 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
+
+#include "filter/image/parallel.h"
+#include "filter/image/plane.h"
+#include "filter/kernels/row_kernels.h"
 
 namespace lumifold::filter {
 
@@ -19,7 +24,26 @@ struct Lattice {
   /// Pixels of the picture in column or row c of cells.
   int ColumnWidth(int c) const { return std::min(step, width - c * step); }
   int RowHeight(int r) const { return std::min(step, height - r * step); }
+
+  /// Rows of pixels by phase: pixel x is at Place(x).
+  int PhaseStride() const { return (Columns() + kRowPadding - 1) / kRowPadding * kRowPadding; }
+  int PhasedWidth() const { return step * PhaseStride(); }
+  int Place(int x) const { return x % step * PhaseStride() + x / step; }
+
+  /// Strips of the sums of one row of cells: this many cells, a phase after another.
+  int StripCells() const { return kStripColumns / step; }
+  /// From one phase to the next. Phases a power of two apart would share a few sets of the cache, and drive
+  /// each other out.
+  int SumStride() const { return StripCells() + kRowPadding; }
+  size_t SumFloats() const { return static_cast<size_t>(step * SumStride()); }
+  /// Cells of the strip that begins with cell `column`.
+  int CellsFrom(int column) const { return std::min(StripCells(), Columns() - column); }
 };
+
+/// A plane with its rows ordered by phase; 0 where the picture's edge cuts cells.
+Plane ByPhase(ConstFloatView plane, const Lattice& lattice, TaskPool* pool);
+/// A plane by phase with its rows in the order of pixels.
+Plane InOrder(const Plane& by_phase, const Lattice& lattice, TaskPool* pool);
 
 /// Linear interpolation between the cells of one axis: `part` of the way from cell `first` to cell `second`,
 /// both clamped.
@@ -32,8 +56,8 @@ struct CellSpan {
 /// The span of pixel p on an axis of `cells` cells of `step` pixels.
 CellSpan SpanOf(int p, int step, int cells);
 
-/// The means over the cells of a strip, `count` pixels of row `row` of cells from pixel x0 on, into `cells`
-/// from the strip's first on. `sums`: for each column of pixels the sum over the cells' rows; overwritten.
-void StoreCellMeans(const Lattice& lattice, int row, int x0, int count, float* sums, float* cells);
+/// The means over `count` cells of row `row` from cell `column` on, into `cells`, the row's first cell.
+/// `sums`: a strip of the sums over the rows of pixels; overwritten.
+void StoreCellMeans(const Lattice& lattice, int row, int column, int count, float* sums, float* cells);
 
 }  // namespace lumifold::filter

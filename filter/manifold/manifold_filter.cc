@@ -22,9 +22,9 @@ namespace {
 /// By what the mass of a pixel or point is divided that has this sum of weights.
 float MassDivisor(float total) { return std::min(1.0f, total) + kLeastTotal; }
 
-/// What pixels weigh in splats.
-Plane SplatMask(ConstFloatView mask, const Plane& total, const ManifoldParams& params,
-                const SlicePoints* points, TaskPool* pool) {
+/// What pixels weigh in splats. Rows are ordered by phase.
+Plane SplatMask(const Plane& mask, const Plane& total, const ManifoldParams& params,
+                const SlicePoints* points, const Lattice& lattice, TaskPool* pool) {
   Plane splat = Plane::Uninitialized(mask.width(), mask.height());
   ForEachPixel(pool, mask.width(), mask.height(), [&](int x, int y) {
     const float divisor = params.keeps_mass ? MassDivisor(total.At(x, y)) : 1.0f;
@@ -33,7 +33,7 @@ Plane SplatMask(ConstFloatView mask, const Plane& total, const ManifoldParams& p
   if (points == nullptr || points->signals.empty()) return splat;
   for (size_t i = 0; i < points->weights.size(); ++i) {  // their points stand for them
     const auto [x, y] = points->pixels[i / points->samples];
-    if (points->weights[i] > 0) splat.At(x, y) = 0;
+    if (points->weights[i] > 0) splat.At(lattice.Place(x), y) = 0;
   }
   return splat;
 }
@@ -60,23 +60,29 @@ struct WeighedLevel {
   PointWeights points;
 };
 
+Planes ByPhase(const Planes& planes, const Lattice& lattice, TaskPool* pool) {
+  Planes by_phase;
+  for (const Plane& plane : planes) by_phase.push_back(ByPhase(plane.view(), lattice, pool));
+  return by_phase;
+}
+
 class Filter {
  public:
   /// `point_signals`: those of the points, as many channels as `signals` has; empty: points are read only.
   Filter(const Planes& signals, const Planes& features, ConstFloatView mask, const ManifoldParams& params,
          float reach, const SlicePoints* points, std::vector<float> point_signals, TaskPool* pool)
-      : signals_(signals),
-        features_(features),
-        mask_(mask),
-        lattice_(mask.width(), mask.height(), CellOf(params)),
-        widening_(CellOf(params)),
+      : lattice_(mask.width(), mask.height(), CellOf(params)),
+        phases_(CellOf(params)),
+        signals_(ByPhase(signals, lattice_, pool)),
+        features_(ByPhase(features, lattice_, pool)),
+        mask_(ByPhase(mask, lattice_, pool)),
         params_(params),
         reach_(reach),
         slice_points_(points),
         point_signals_(std::move(point_signals)),
         pool_(pool) {
     const size_t results = params.is_first_order ? kMoments : signals.size();
-    result_.filtered = MakeUninitializedPlanes(results + 1, lattice_.width, lattice_.height);
+    result_.filtered = MakeUninitializedPlanes(results + 1, lattice_.PhasedWidth(), lattice_.height);
     if (points == nullptr) return;
     points_.emplace(*points, features, lattice_);
     const size_t count = points->pixels.size() * points->samples;
@@ -93,6 +99,7 @@ class Filter {
     DivideSums();
     DividePoints();
     if (params_.is_first_order) FitPlanes();
+    for (Plane& plane : result_.filtered) plane = InOrder(plane, lattice_, pool_);
     return std::move(result_);
   }
 
@@ -113,11 +120,11 @@ class Filter {
   void DividePoints();
   void FitPlanes();
 
-  const Planes& signals_;
-  const Planes& features_;
-  const ConstFloatView mask_;
   const Lattice lattice_;
-  const Widening widening_;
+  const Phases phases_;
+  const Planes signals_;  // these and all planes of pixels below: rows ordered by phase
+  const Planes features_;
+  const Plane mask_;
   const ManifoldParams params_;
   const float reach_;  // px
   const SlicePoints* const slice_points_;
@@ -140,11 +147,11 @@ WeighedLevel Filter::Weigh(std::vector<Manifold> manifolds, bool is_last, Cluste
   WeighedLevel at;
   Level& level = at.level;
   level.manifolds = std::move(manifolds);
-  level.weights = MakeUninitializedPlanes(level.manifolds.size(), lattice_.width, lattice_.height);
+  level.weights = MakeUninitializedPlanes(level.manifolds.size(), lattice_.PhasedWidth(), lattice_.height);
   for (size_t i = 0; i < 2 * level.manifolds.size() && !is_last; ++i)
     level.children.push_back(MakeClusterSums(features_.size(), lattice_));
   ForEachBand(pool_, lattice_.height, [&](int, int y0, int y1) {
-    StripWeigh task(features_, lattice_, widening_, clusters, &level);
+    StripWeigh task(features_, lattice_, phases_, clusters, &level);
     // kBandRows is a multiple of the step: bands share no cells
     for (int row = y0 / lattice_.step; row * lattice_.step < y1; ++row) task.CellRow(row);
   });
@@ -169,7 +176,7 @@ std::vector<WeighedLevel> Filter::BuildTree() {
                                    AxisSteps(depth + 1), pool_);
     });
   }
-  splat_mask_ = SplatMask(mask_, clusters.total, params_, slice_points_, pool_);
+  splat_mask_ = SplatMask(mask_, clusters.total, params_, slice_points_, lattice_, pool_);
   if (!point_signals_.empty()) point_masses_ = PointMasses(tree);
   return tree;
 }
@@ -212,7 +219,7 @@ std::vector<Planes> Filter::Blur(const Level& level, std::vector<Planes> splats)
 
 void Filter::Slice(const WeighedLevel& at, const std::vector<Planes>& psi, bool is_first) {
   ForEachBand(pool_, lattice_.height, [&](int, int y0, int y1) {
-    StripSlice slice(at.level.weights, psi, lattice_, widening_);
+    StripSlice slice(at.level.weights, psi, lattice_, phases_);
     for (int y = y0; y < y1; ++y) {
       for (Plane& sums : result_.filtered) {
         if (is_first) std::fill_n(sums.Row(y), sums.width(), 0.0f);
@@ -226,12 +233,12 @@ void Filter::Slice(const WeighedLevel& at, const std::vector<Planes>& psi, bool 
 void Filter::DivideSums() {
   Planes& sums = result_.filtered;
   // Where all moments are 0, the fit gives the pixel's own light.
-  const std::vector<float> no_moment(static_cast<size_t>(lattice_.width));
+  const std::vector<float> no_moment(static_cast<size_t>(lattice_.PhasedWidth()));
   ForEachBand(pool_, lattice_.height, [&](int, int y0, int y1) {
     for (size_t c = 0; c + 1 < sums.size(); ++c) {
       for (int y = y0; y < y1; ++y) {
         const float* lost = c < signals_.size() ? signals_[c].Row(y) : no_moment.data();
-        QuotientRow(sums.back().Row(y), kLeastWeight, lost, lattice_.width, sums[c].Row(y));
+        QuotientRow(sums.back().Row(y), kLeastWeight, lost, lattice_.PhasedWidth(), sums[c].Row(y));
       }
     }
   });
@@ -254,7 +261,8 @@ void Filter::DividePoints() {
 }
 
 void Filter::FitPlanes() {
-  result_.filtered = FitLight(result_.filtered, reach_, params_.slope_ridge, pool_);
+  result_.filtered = FitLight(result_.filtered, signals_[kPlaneSignals - 2], signals_[kPlaneSignals - 1],
+                              params_.slope_ridge, pool_);
   if (slice_points_ == nullptr) return;
   result_.points = FitLightAtPoints(*slice_points_, result_.points, reach_, params_.slope_ridge,
                                     lattice_.width, lattice_.height);

@@ -10,11 +10,11 @@ constexpr size_t kPsiStride = kStripColumns + 2 + kCellPadding;
 }  // namespace
 
 StripSlice::StripSlice(const Planes& weights, const std::vector<Planes>& psi, const Lattice& lattice,
-                       const Widening& widening)
+                       const Phases& phases)
     : weights_(weights),
       psi_(psi),
       lattice_(lattice),
-      widening_(widening),
+      phases_(phases),
       planes_(psi[0].size()),
       cells_(psi.size() * planes_ * kPsiStride),
       upper_(psi.size() * planes_),
@@ -29,14 +29,14 @@ void StripSlice::PixelRow(int y, Planes* sums) {
     upper_[i] = cells.Row(span.first);
     lower_[i] = cells.Row(span.second);
   }
-  for (int x0 = 0; x0 < lattice_.width; x0 += kStripColumns) {
-    const int count = std::min(kStripColumns, lattice_.width - x0);
-    BlendCells({upper_.data(), lower_.data(), span.part, upper_.size(), x0 / lattice_.step - 1,
-                count / lattice_.step + 3, lattice_.Columns(), cells_.data(), kPsiStride});
-    for (size_t i = 0; i < weight_rows_.size(); ++i) weight_rows_[i] = weights_[i].Row(y) + x0;
-    for (size_t c = 0; c < planes_; ++c) sum_rows_[c] = (*sums)[c].Row(y) + x0;
-    SliceRow(widening_, {weight_rows_.data(), weight_rows_.size(), cells_.data(), kPsiStride, planes_,
-                         sum_rows_.data(), count});
+  for (int column = 0; column < lattice_.Columns(); column += lattice_.StripCells()) {
+    const int count = lattice_.CellsFrom(column);
+    BlendCells({upper_.data(), lower_.data(), span.part, upper_.size(), column - 1, count + 2,
+                lattice_.Columns(), cells_.data(), kPsiStride});
+    for (size_t i = 0; i < weight_rows_.size(); ++i) weight_rows_[i] = weights_[i].Row(y) + column;
+    for (size_t c = 0; c < planes_; ++c) sum_rows_[c] = (*sums)[c].Row(y) + column;
+    SliceRow(phases_, {weight_rows_.data(), weight_rows_.size(), cells_.data(), kPsiStride, planes_,
+                       sum_rows_.data(), lattice_.PhaseStride(), count});
   }
 }
 

@@ -14,9 +14,9 @@ namespace lumifold::filter {
 class StripSlice {
  public:
   /// `psi`: for each manifold the blurred planes of cells, C of signals and one of the weight.
-  /// `weights`: of the pixels, for each manifold.
+  /// `weights`: of the pixels, for each manifold. Rows of pixels are ordered by phase.
   StripSlice(const Planes& weights, const std::vector<Planes>& psi, const Lattice& lattice,
-             const Widening& widening);
+             const Phases& phases);
 
   /// (*sums)[c] += sum over manifolds of w * psi, in pixel row y.
   void PixelRow(int y, Planes* sums);
@@ -25,7 +25,7 @@ class StripSlice {
   const Planes& weights_;
   const std::vector<Planes>& psi_;
   const Lattice& lattice_;
-  const Widening& widening_;
+  const Phases& phases_;
   size_t planes_;
   std::vector<float> cells_;  // a row of cells a manifold and plane
   std::vector<const float*> upper_, lower_, weight_rows_;

@@ -12,7 +12,7 @@ namespace lumifold::filter {
 /// Source:  Gastal & Oliveira 2012, splatting, Eq. (3), with box means onto cells.
 class StripSplat {
  public:
-  /// `weights`: of the pixels, for each manifold. `splats`: for each manifold, per cell: mean of mask * w * f
+  /// Rows of pixels are ordered by phase. `weights`: of the pixels, for each manifold. `splats`: for each manifold, per cell: mean of mask * w * f
   /// of each signal, and of mask * w.
   StripSplat(const Planes& signals, const Plane& mask, const Planes& weights, const Lattice& lattice,
              std::vector<Planes>* splats);
@@ -20,7 +20,7 @@ class StripSplat {
   void CellRow(int row);
 
  private:
-  void Strip(size_t manifold, int row, int x0);
+  void Strip(size_t manifold, int row, int column);
 
   const Planes& signals_;
   const Plane& mask_;

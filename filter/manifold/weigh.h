@@ -8,9 +8,10 @@
 
 namespace lumifold::filter {
 
-/// Which clusters the pixels belong to, from level to level of the tree, and what their weights sum to.
+/// Which clusters the pixels belong to, from level to level of the tree, and what their weights sum to. Rows
+/// of pixels are ordered by phase here and below.
 struct Clusters {
-  Clusters(ConstFloatView mask, TaskPool* pool);
+  Clusters(const Plane& mask, TaskPool* pool);
 
   Plane members;      // mask times the pixel's membership in its cluster, 0 to 1
   Plane labels;       // manifold of the current level whose cluster the pixel belongs to
@@ -31,19 +32,18 @@ struct Level {
 /// Source:  Gastal & Oliveira 2012, Eq. (3), (5) and (6), with box means onto cells.
 class StripWeigh {
  public:
-  StripWeigh(const Planes& features, const Lattice& lattice, const Widening& widening, Clusters* clusters,
+  StripWeigh(const Planes& features, const Lattice& lattice, const Phases& phases, Clusters* clusters,
              Level* level);
 
   void CellRow(int row);
 
  private:
-  void Strip(size_t manifold, int row, int x0);
-  bool PixelRow(size_t manifold, int y, int x0, int count);
-  float* Sums(size_t i) { return sums_.data() + i * kSumStride; }
+  void Strip(size_t manifold, int row, int column);
+  bool PixelRow(size_t manifold, int y, int column);
 
   const Planes& features_;
   const Lattice& lattice_;
-  const Widening& widening_;
+  const Phases& phases_;
   Clusters& clusters_;
   Level& level_;
   std::vector<float> sums_;  // strips: d + 1 of each of two children

@@ -64,6 +64,12 @@ Planes MomentsOf(const Planes& light) {
   return moments;
 }
 
+/// FitLight at the pixels of a picture.
+Planes Fitted(const Planes& means, float unit_px, float ridge) {
+  const Planes places = WithPosition(MakePlanes(3, means[0].width(), means[0].height()), unit_px, nullptr);
+  return FitLight(means, places[3], places[4], ridge, nullptr);
+}
+
 TEST(FirstOrder, EqualsItsOracleOnCellsOfAPixel) {
   Scene scene;
   std::mt19937 random(3);
@@ -83,7 +89,7 @@ TEST(FirstOrder, EqualsItsOracleOnCellsOfAPixel) {
   const Planes means = ManifoldFilterOracle(MomentsOf(light), scene.features, scene.mask.view(), plain,
                                             kFirstOrderReach, nullptr)
                            .filtered;
-  const Planes expected = FitLight(means, kFirstOrderReach, kFit.slope_ridge, nullptr);
+  const Planes expected = Fitted(means, kFirstOrderReach, kFit.slope_ridge);
   const Planes fast = FirstOrder(light, scene, fit);
   for (size_t c = 0; c < 3; ++c) {
     for (int y = 0; y < kFirstOrderHeight; ++y) {
@@ -155,7 +161,7 @@ TEST(FitLight, StaysFiniteWhereRoundingMakesSpreadsNegative) {
       for (int x = 0; x < kFirstOrderWidth; ++x) means[k].At(x, y) -= 0.01f;
     }
   }
-  const Planes fitted = FitLight(means, kFirstOrderReach, kFit.slope_ridge, nullptr);
+  const Planes fitted = Fitted(means, kFirstOrderReach, kFit.slope_ridge);
   for (int x = 0; x < kFirstOrderWidth; ++x) EXPECT_NEAR(fitted[0].At(x, 3), Rising(0, x, 3), 1e-3f);
 }
 
@@ -203,7 +209,7 @@ TEST(FirstOrder, ReadsNoPlaneFarBeyondItsSamples) {
     Planes means = MakePlanes(kMoments, 1, 1);
     for (const size_t k : {0u, 1u, 2u, 3u}) means[k].Fill(5);               // light, x
     for (const size_t k : {5u, 6u, 7u, 11u}) means[k].Fill(25 + variance);  // x times light, x^2
-    const Planes light = FitLight(means, 1, kRidge, nullptr);
+    const Planes light = Fitted(means, 1, kRidge);
     EXPECT_NEAR(light[0].At(0, 0), expected, 1e-2f) << variance;
     EXPECT_EQ(light[2].At(0, 0), light[0].At(0, 0));
   }

@@ -12,11 +12,11 @@ void RecurseRowsEvenly(const RecurseArgs& args, float weight);
 void PullRow(const float* weight, const float* from, int count, float* to);
 void PullRowEvenly(float weight, const float* from, int count, float* to);
 void BlendCells(const BlendArgs& args);
-bool WeighRow(const Widening& widening, const WeighArgs& args, const SplitArgs* split);
+bool WeighRow(const Phases& phases, const WeighArgs& args, const SplitArgs* split);
 bool SplatRow(const SplatArgs& args);
-void SliceRow(const Widening& widening, const SliceArgs& args);
+void SliceRow(const Phases& phases, const SliceArgs& args);
 void AddProductRow(const float* a, const float* b, int count, float* sums);
-void AddPairs(const float* from, int count, float scale, float* to);
+void AddRows(const float* a, const float* b, float scale, int count, float* to);
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums);
 void StabiliseRow(const float* in, float inverse_knee, float shift, int count, float* out);
 

@@ -18,6 +18,7 @@ using Row = std::vector<float>;
 inline constexpr int kCounts[] = {1, 2, 3, 4, 5, 7, 8, 9, 15, 16, 17, 31, 33, 63, 64, 65, 100, 255, 256};
 inline constexpr int kSteps[] = {1, 2, 4, 8, 16, 32, 64};
 inline constexpr size_t kRoom = kStripColumns + kRowPadding + kCellPadding + 2;
+inline constexpr size_t kPhasedRoom = kStripColumns + 64 * kRowPadding;  // each phase is padded
 
 class KernelTest : public testing::Test {
  protected:
@@ -48,13 +49,15 @@ class KernelTest : public testing::Test {
   std::mt19937 random_{7};
 };
 
-/// The first `count` floats are the same bits (but for the sign of zero).
-inline void ExpectSame(const Row& a, const Row& b, int count) {
-  for (size_t x = 0; x < static_cast<size_t>(count); ++x) ASSERT_EQ(a[x], b[x]) << x << " of " << count;
+/// The `count` floats from `first` on are the same bits (but for the sign of zero).
+inline void ExpectSame(const Row& a, const Row& b, int count, std::ptrdiff_t first = 0) {
+  for (std::ptrdiff_t x = first; x < first + count; ++x)
+    ASSERT_EQ(a.data()[x], b.data()[x]) << x << " of " << count;
 }
 
-inline void ExpectSame(const std::vector<Row>& a, const std::vector<Row>& b, int count) {
-  for (size_t i = 0; i < a.size(); ++i) ExpectSame(a[i], b[i], count);
+inline void ExpectSame(const std::vector<Row>& a, const std::vector<Row>& b, int count,
+                       std::ptrdiff_t first = 0) {
+  for (size_t i = 0; i < a.size(); ++i) ExpectSame(a[i], b[i], count, first);
 }
 
 template <typename Pointer>

@@ -71,6 +71,21 @@ TEST(Lattice, CutsTheLastCells) {
   EXPECT_EQ(lattice.RowHeight(1), 3);
 }
 
+TEST(Lattice, OrdersRowsByPhaseAndBack) {
+  for (const int step : {1, 2, 4}) {
+    const Lattice lattice(37, 2, step);
+    Plane plane(37, 2);
+    for (int x = 0; x < 37; ++x) plane.At(x, 1) = static_cast<float>(x + 1);
+    const Plane by_phase = ByPhase(plane.view(), lattice, nullptr);
+    float sum = 0;  // what no pixel has is 0
+    for (int i = 0; i < lattice.PhasedWidth(); ++i) sum += by_phase.At(i, 1);
+    EXPECT_EQ(sum, 37 * 38 / 2) << step;
+    for (int x = 0; x < 37; ++x) EXPECT_EQ(by_phase.At(lattice.Place(x), 1), plane.At(x, 1)) << step;
+    const Plane back = InOrder(by_phase, lattice, nullptr);
+    for (int x = 0; x < 37; ++x) EXPECT_EQ(back.At(x, 1), plane.At(x, 1)) << step;
+  }
+}
+
 TEST(SpanOf, LiesWhereThePixelIsBetweenCellCentres) {
   for (const int step : {1, 2, 4, 8, 16}) {
     const int cells = 64 / step;

@@ -8,11 +8,10 @@
 namespace lumifold::filter::oracle {
 namespace {
 
-/// Pixel x of a row of cells.
-float Widened(const Widening& widening, const float* cells, int x) {
-  const int phase = x % 64;
-  const float* left = cells + widening.left[static_cast<size_t>(phase)] + (x - phase) / widening.step;
-  return left[0] + widening.part[static_cast<size_t>(phase)] * (left[1] - left[0]);
+/// A row of cells, from one before the first on, at the pixel of a phase in cell c.
+float Widened(const Phases& phases, const float* cells, int phase, int c) {
+  const float* left = cells + c + phases.Side(phase);
+  return left[0] + phases.part[static_cast<size_t>(phase)] * (left[1] - left[0]);
 }
 
 struct Position {
@@ -20,24 +19,27 @@ struct Position {
   float along;   // along the axis that splits its cluster
 };
 
-Position PositionOf(const Widening& widening, const WeighArgs& args, const SplitArgs* split, int x) {
+Position PositionOf(const Phases& phases, const WeighArgs& args, const SplitArgs* split, int phase, int c) {
   Position position{0, 0};
   for (size_t k = 0; k < args.dimensions; ++k) {
-    const float offset = args.features[k][x] - Widened(widening, args.eta + k * args.eta_stride, x);
+    const float offset = args.features[k][phase * args.phase_stride + c] -
+                         Widened(phases, args.eta + k * args.eta_stride, phase, c);
     position.square += offset * offset;
     if (split != nullptr) position.along += split->axis[k] * offset;
   }
   return position;
 }
 
-void SplitPixel(const WeighArgs& args, const SplitArgs& split, float along, int x) {
+/// `x`: of the pixel in its rows, `at`: in strips.
+void SplitPixel(const WeighArgs& args, const SplitArgs& split, float along, std::ptrdiff_t x,
+                std::ptrdiff_t at) {
   split.members[x] *= std::min(1.0f, std::abs(along) * (1.0f / kSeam));
   const bool is_far = along >= 0;
   split.next_labels[x] = 2 * split.cluster + (is_far ? 1.0f : 0.0f);
   const float mass = split.members[x] * (1.0f - args.weight[x]);
   float* const* sums = is_far ? split.far_sums : split.near_sums;
-  for (size_t k = 0; k < args.dimensions; ++k) sums[k][x] += mass * args.features[k][x];
-  sums[args.dimensions][x] += mass;
+  for (size_t k = 0; k < args.dimensions; ++k) sums[k][at] += mass * args.features[k][x];
+  sums[args.dimensions][at] += mass;
 }
 
 }  // namespace
@@ -53,15 +55,18 @@ void BlendCells(const BlendArgs& args) {
   }
 }
 
-bool WeighRow(const Widening& widening, const WeighArgs& args, const SplitArgs* split) {
+bool WeighRow(const Phases& phases, const WeighArgs& args, const SplitArgs* split) {
   bool found = false;
-  for (int x = 0; x < args.count; ++x) {
-    const Position position = PositionOf(widening, args, split, x);
-    args.weight[x] = position.square < kFarthest ? Exp(-position.square) : 0.0f;
-    args.total[x] += args.weight[x];
-    if (split == nullptr || split->labels[x] != split->cluster) continue;
-    found = true;
-    SplitPixel(args, *split, position.along, x);
+  for (int phase = 0; phase < phases.step; ++phase) {
+    for (int c = 0; c < args.count; ++c) {
+      const std::ptrdiff_t x = phase * args.phase_stride + c;
+      const Position position = PositionOf(phases, args, split, phase, c);
+      args.weight[x] = position.square < kFarthest ? Exp(-position.square) : 0.0f;
+      args.total[x] += args.weight[x];
+      if (split == nullptr || split->labels[x] != split->cluster) continue;
+      found = true;
+      SplitPixel(args, *split, position.along, x, phase * split->sum_stride + c);
+    }
   }
   return found;
 }
@@ -77,12 +82,15 @@ bool SplatRow(const SplatArgs& args) {
   return found;
 }
 
-void SliceRow(const Widening& widening, const SliceArgs& args) {
-  for (size_t c = 0; c < args.planes; ++c) {
-    for (int x = 0; x < args.count; ++x) {
-      for (size_t i = 0; i < args.manifolds; ++i) {
-        const float* psi = args.psi + (i * args.planes + c) * args.psi_stride;
-        args.sums[c][x] += args.weights[i][x] * Widened(widening, psi, x);
+void SliceRow(const Phases& phases, const SliceArgs& args) {
+  for (size_t k = 0; k < args.planes; ++k) {
+    for (int i = 0; i < phases.step * args.count; ++i) {
+      const int phase = i / args.count;
+      const int c = i % args.count;
+      const std::ptrdiff_t x = phase * args.phase_stride + c;
+      for (size_t j = 0; j < args.manifolds; ++j) {
+        const float* psi = args.psi + (j * args.planes + k) * args.psi_stride;
+        args.sums[k][x] += args.weights[j][x] * Widened(phases, psi, phase, c);
       }
     }
   }
@@ -92,8 +100,8 @@ void AddProductRow(const float* a, const float* b, int count, float* sums) {
   for (int x = 0; x < count; ++x) sums[x] += a[x] * b[x];
 }
 
-void AddPairs(const float* from, int count, float scale, float* to) {
-  for (int i = 0; i < count / 2; ++i) to[i] = scale * (from[2 * i] + from[2 * i + 1]);
+void AddRows(const float* a, const float* b, float scale, int count, float* to) {
+  for (int x = 0; x < count; ++x) to[x] = scale * (a[x] + b[x]);
 }
 
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums) {

@@ -21,49 +21,61 @@ struct WeighCase {
   Row eta, weight, total, axis, labels, members, next_labels;
 };
 
-bool RunWeigh(bool (*kernel)(const Widening&, const WeighArgs&, const SplitArgs*), int step, int count,
+/// From one phase of a row to the next, where a row has at most so many pixels.
+constexpr std::ptrdiff_t PhaseStride(int step) { return kStripColumns / step + kRowPadding; }
+
+bool RunWeigh(bool (*kernel)(const Phases&, const WeighArgs&, const SplitArgs*), int step, int count,
               bool splits, WeighCase* c) {
   const auto features = Pointers<const float*>(c->features);
   const auto near_sums = Pointers<float*>(c->near_sums);
   const auto far_sums = Pointers<float*>(c->far_sums);
-  const WeighArgs args = {features.data(),  c->eta.data(),   kRoom, features.size(),
-                          c->weight.data(), c->total.data(), count};
-  const SplitArgs split = {
-      c->axis.data(),   2.0f,           c->labels.data(), c->members.data(), c->next_labels.data(),
-      near_sums.data(), far_sums.data()};
-  return kernel(Widening(step), args, splits ? &split : nullptr);
+  const WeighArgs args = {features.data(), c->eta.data(),     kRoom, features.size(), c->weight.data(),
+                          c->total.data(), PhaseStride(step), count};
+  const SplitArgs split = {c->axis.data(),        2.0f,
+                           c->labels.data(),      c->members.data(),
+                           c->next_labels.data(), near_sums.data(),
+                           far_sums.data(),       PhaseStride(step)};
+  return kernel(Phases(step), args, splits ? &split : nullptr);
 }
 
 TEST_F(RowKernels, WeighRowEqualsItsOracleOnEachTarget) {
   constexpr size_t kDimensions = 5;
-  WeighCase start{RandomRows(kDimensions, 0.6f),
-                  RandomRows(kDimensions + 1),
-                  RandomRows(kDimensions + 1),
-                  {},
-                  Row(kRoom),
+  const auto rows = [&](size_t count) {
+    std::vector<Row> all;
+    for (size_t i = 0; i < count; ++i) all.push_back(Random(kPhasedRoom, 0.6f));
+    return all;
+  };
+  WeighCase start{rows(kDimensions),
+                  rows(kDimensions + 1),
+                  rows(kDimensions + 1),
+                  Random(kDimensions * kRoom, 0.6f),
+                  Row(kPhasedRoom),
+                  Random(kPhasedRoom),
                   Random(),
-                  Random(),
-                  Row(kRoom),
-                  Random(),
-                  Random()};
-  start.eta = Random(kDimensions * kRoom, 0.6f);
+                  Row(kPhasedRoom),
+                  Random(kPhasedRoom),
+                  Random(kPhasedRoom)};
   start.features[0][5] = 40;  // beyond reach of the manifold
-  for (size_t x = 0; x < kRoom; ++x) start.labels[x] = static_cast<float>(x / 20 % 4);
+  for (size_t x = 0; x < kPhasedRoom; ++x) start.labels[x] = static_cast<float>(x / 20 % 4);
   OnEachTarget([&] {
     for (const int step : kSteps) {
       for (const int count : kCounts) {
+        if (count * step > kStripColumns) continue;
         for (const bool splits : {false, true}) {
           WeighCase fast = start;
           WeighCase slow = start;
           const bool found = RunWeigh(WeighRow, step, count, splits, &fast);
           const bool expected = RunWeigh(oracle::WeighRow, step, count, splits, &slow);
           EXPECT_TRUE(found || !expected);
-          ExpectSame(fast.weight, slow.weight, count);
-          ExpectSame(fast.total, slow.total, count);
-          ExpectSame(fast.members, slow.members, count);
-          ExpectSame(fast.next_labels, slow.next_labels, count);
-          ExpectSame(fast.near_sums, slow.near_sums, count);
-          ExpectSame(fast.far_sums, slow.far_sums, count);
+          for (int phase = 0; phase < step; ++phase) {
+            const std::ptrdiff_t at = phase * PhaseStride(step);
+            ExpectSame(fast.weight, slow.weight, count, at);
+            ExpectSame(fast.total, slow.total, count, at);
+            ExpectSame(fast.members, slow.members, count, at);
+            ExpectSame(fast.next_labels, slow.next_labels, count, at);
+            ExpectSame(fast.near_sums, slow.near_sums, count, at);
+            ExpectSame(fast.far_sums, slow.far_sums, count, at);
+          }
         }
       }
     }
@@ -97,20 +109,26 @@ TEST_F(RowKernels, SplatRowEqualsItsOracleOnEachTarget) {
 
 TEST_F(RowKernels, SliceRowEqualsItsOracleOnEachTarget) {
   constexpr size_t kManifolds = 3;
-  std::vector<Row> weights = RandomRows(kManifolds);
-  const std::vector<Row> start = RandomRows(4);
-  const Row psi = Random(kManifolds * start.size() * kRoom);
+  constexpr size_t kPlanes = 5;
+  std::vector<Row> weights, start;
+  for (size_t i = 0; i < kManifolds; ++i) weights.push_back(Random(kPhasedRoom));
+  std::fill_n(weights[1].begin(), 40, 0.0f);  // far from the manifold
+  for (size_t k = 0; k < kPlanes; ++k) start.push_back(Random(kPhasedRoom));
+  const Row psi = Random(kManifolds * kPlanes * kRoom);
   const auto weight_rows = Pointers<const float*>(weights);
   OnEachTarget([&] {
     for (const int step : kSteps) {
       for (const int count : kCounts) {
+        if (count * step > kStripColumns) continue;
         std::vector<Row> fast = start;
         std::vector<Row> slow = start;
-        SliceRow(Widening(step), {weight_rows.data(), kManifolds, psi.data(), kRoom, start.size(),
-                                  Pointers<float*>(fast).data(), count});
-        oracle::SliceRow(Widening(step), {weight_rows.data(), kManifolds, psi.data(), kRoom, start.size(),
-                                          Pointers<float*>(slow).data(), count});
-        ExpectSame(fast, slow, count);
+        const auto fast_rows = Pointers<float*>(fast);
+        const auto slow_rows = Pointers<float*>(slow);
+        SliceRow(Phases(step), {weight_rows.data(), kManifolds, psi.data(), kRoom, kPlanes, fast_rows.data(),
+                                PhaseStride(step), count});
+        oracle::SliceRow(Phases(step), {weight_rows.data(), kManifolds, psi.data(), kRoom, kPlanes,
+                                        slow_rows.data(), PhaseStride(step), count});
+        for (int phase = 0; phase < step; ++phase) ExpectSame(fast, slow, count, phase * PhaseStride(step));
       }
     }
   });
@@ -182,36 +200,36 @@ TEST_F(RowKernels, CorrelateRowsEqualsItsOracleOnEachTarget) {
   });
 }
 
-TEST_F(RowKernels, AddPairsEqualsItsOracleOnEachTargetAndInPlace) {
-  const Row start = Random();
+TEST_F(RowKernels, AddRowsEqualsItsOracleOnEachTargetAndInPlace) {
+  const Row a = Random();
+  const Row b = Random();
   OnEachTarget([&] {
-    for (int count = 0; count <= kStripColumns; count += 2) {
+    for (const int count : kCounts) {
       Row fast(kRoom, 9.0f);
       Row slow(kRoom, 9.0f);
-      AddPairs(start.data(), count, 0.25f, fast.data());
-      oracle::AddPairs(start.data(), count, 0.25f, slow.data());
+      AddRows(a.data(), b.data(), 0.25f, count, fast.data());
+      oracle::AddRows(a.data(), b.data(), 0.25f, count, slow.data());
       ExpectSame(fast, slow, static_cast<int>(kRoom));
-      Row in_place = start;
-      AddPairs(in_place.data(), count, 0.25f, in_place.data());
-      ExpectSame(in_place, slow, count / 2);
+      Row in_place = a;
+      AddRows(in_place.data(), b.data(), 0.25f, count, in_place.data());
+      ExpectSame(in_place, slow, count);
     }
   });
 }
 
-TEST(Widening, ReadsALinearRampExactlyBetweenCellCentres) {
+TEST(Phases, ReadALinearRampExactlyBetweenCellCentres) {
   for (const int step : kSteps) {
-    const Widening widening(step);
     Row cells(kRoom);
-    for (size_t p = 0; p < cells.size(); ++p) {  // cell p stands one before cell p - 1 of the strip
+    for (size_t p = 0; p < cells.size(); ++p)  // cell p stands one before cell p - 1 of the strip
       cells[p] = (static_cast<float>(p) - 0.5f) * static_cast<float>(step) - 0.5f;
-    }
-    Row ones(kRoom, 1.0f);
-    Row sums(kRoom);
+    Row ones(kPhasedRoom, 1.0f);
+    Row sums(kPhasedRoom);
     const float* weights = ones.data();
     float* out = sums.data();
-    SliceRow(widening, {&weights, 1, cells.data(), kRoom, 1, &out, kStripColumns});
+    SliceRow(Phases(step),
+             {&weights, 1, cells.data(), kRoom, 1, &out, PhaseStride(step), kStripColumns / step});
     for (int x = 0; x < kStripColumns; ++x)
-      ASSERT_NEAR(sums[static_cast<size_t>(x)], static_cast<float>(x), 1e-4f) << step;
+      ASSERT_NEAR(out[x % step * PhaseStride(step) + x / step], static_cast<float>(x), 1e-4f) << step;
   }
 }
 

@@ -77,9 +77,8 @@ absl::Status CannotDecompress(const std::string& channel, const absl::Status& ca
       absl::StrCat("pixels: ", channel, " cannot be decompressed: ", std::string(cause.message())));
 }
 
-absl::Status DecodePlane(v1::PlaneEncoding encoding, std::string_view bytes, PlaneDecompressor* decompressor,
-                         FloatView plane) {
-  if (encoding == v1::PLANE_ENCODING_ZSTD) return decompressor->Decode(bytes, plane);
+absl::Status DecodePlane(v1::PlaneEncoding encoding, std::string_view bytes, FloatView plane) {
+  if (encoding == v1::PLANE_ENCODING_ZSTD) return DecompressPlane(bytes, plane);
   const auto width = static_cast<size_t>(plane.width());
   for (int y = 0; y < plane.height(); ++y) {
     DecodeValues(encoding, bytes, plane.Row(y), width);
@@ -161,12 +160,11 @@ absl::StatusOr<LayeredImage> Decode(const v1::PixelLayout& layout, std::string_v
         absl::StrCat("pixels: ", bytes.size(), " bytes, the layout needs ", EncodedBytesOf(layout)));
   }
   const std::vector<EncodedPlane> planes = PlanesOf(layout);
-  PlaneDecompressor decompressor;
   for (size_t i = 0; i < planes.size(); ++i) {
     const std::string& channel = layout.channels(static_cast<int>(i));
     const FloatView view = image.AddUninitialized(channel);
     const std::string_view encoded = bytes.substr(planes[i].first_byte, planes[i].size_bytes);
-    if (absl::Status status = DecodePlane(planes[i].encoding, encoded, &decompressor, view); !status.ok())
+    if (absl::Status status = DecodePlane(planes[i].encoding, encoded, view); !status.ok())
       return CannotDecompress(channel, status);
   }
   return image;

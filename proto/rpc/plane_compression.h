@@ -10,7 +10,6 @@
 #include "filter/image/plane.h"
 
 struct ZSTD_CCtx_s;
-struct ZSTD_DCtx_s;
 
 /// PLANE_ENCODING_ZSTD: the bytes of a plane's float32 values, sorted into byte planes (byte 0 of all values,
 /// then bytes 1, 2 and 3), as one zstd frame. Signs and exponents of neighbouring pixels are alike, the low
@@ -33,21 +32,11 @@ class PlaneCompressor {
   std::vector<char> sorted_;
 };
 
-/// Decompresses planes. Its memory is that of the largest plane so far and 160 KB, whatever the bytes claim.
-/// Threads: one at a time.
-class PlaneDecompressor {
- public:
-  /// Decodes a plane.
-  /// Errors: kInvalidArgument where `bytes` are not one zstd frame of as many values; the plane is then
-  /// undefined.
-  absl::Status Decode(std::string_view bytes, FloatView plane);
-
- private:
-  struct Free {
-    void operator()(ZSTD_DCtx_s* context) const;
-  };
-  std::unique_ptr<ZSTD_DCtx_s, Free> context_;  // null before the first plane
-  std::vector<char> sorted_;
-};
+/// Decodes a plane. What it needs for it, 160 KB and the bytes of the largest plane so far, whatever the bytes
+/// claim, stays with the thread: a unit is many small planes.
+/// Errors: kInvalidArgument where `bytes` are not one zstd frame of as many values; the plane is then
+/// undefined.
+/// Threads: safe.
+absl::Status DecompressPlane(std::string_view bytes, FloatView plane);
 
 }  // namespace lumifold::rpc

@@ -74,10 +74,9 @@ size_t CommittedUnits::Fingerprint() const {
   return hash;
 }
 
-absl::StatusOr<std::string> CommittedUnits::RecordBytes(int64_t number) const {
+absl::Status CommittedUnits::ReadRecord(int64_t number, uint64_t first, absl::Span<char> bytes) const {
   const Entry& entry = entries_[static_cast<size_t>(number)];
-  if (entry.place.length == 0) return "";
-  return logs_[entry.log].reader.ReadBytes(entry.place);
+  return logs_[entry.log].reader.ReadBytes(entry.place, first, bytes);
 }
 
 absl::StatusOr<CommittedUnits::Entry> CommittedUnits::Find(const UnitKey& key) const {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/types/span.h"
 #include "server/film/unit_log.h"
 #include "server/film/unit_source.h"
 #include "server/job/tile_grid.h"
@@ -33,9 +34,11 @@ class CommittedUnits final : public film::UnitSource {
   size_t Fingerprint() const;
   /// Units of the frame, committed or not.
   int64_t places() const { return static_cast<int64_t>(entries_.size()); }
-  /// The record of the unit with this number, as it lies in the log; empty if it is not committed.
+  /// Bytes of the record of the unit with this number; 0 if it is not committed.
+  uint64_t record_bytes(int64_t number) const { return entries_[static_cast<size_t>(number)].place.length; }
+  /// Fills `bytes` with those of that record from the one with number `first` on, as they lie in the log.
   /// Errors: those of UnitLogReader::ReadBytes.
-  absl::StatusOr<std::string> RecordBytes(int64_t number) const;
+  absl::Status ReadRecord(int64_t number, uint64_t first, absl::Span<char> bytes) const;
 
   /// Errors of both: kDataLoss for a unit that is not committed, or for a record of another unit; those of
   /// UnitLogReader.

@@ -7,22 +7,34 @@
 
 namespace lumifold::server {
 
-absl::StatusOr<bool> UnitSender::Next(v1::ByteChunk* chunk) {
-  while (pending_.size() < rpc::kMaxChunkBytes && next_unit_ < units_.places()) {
-    const absl::StatusOr<std::string> record = units_.RecordBytes(next_unit_++);
-    if (!record.ok()) return record.status();
-    pending_.append(*record);
+absl::Status UnitSender::Read(absl::Span<char> bytes) {
+  while (!bytes.empty()) {
+    const uint64_t left = units_.record_bytes(unit_) - of_record_;
+    if (left == 0) {
+      ++unit_;
+      of_record_ = 0;
+      continue;
+    }
+    const size_t count = std::min<uint64_t>(left, bytes.size());
+    if (absl::Status status = units_.ReadRecord(unit_, of_record_, bytes.first(count)); !status.ok())
+      return status;
+    of_record_ += count;
+    bytes.remove_prefix(count);
   }
-  if (pending_.empty()) return false;
-  const size_t size = std::min(pending_.size(), rpc::kMaxChunkBytes);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<bool> UnitSender::Next(v1::ByteChunk* chunk) {
+  if (sent_ == size_) return false;
   chunk->Clear();
+  std::string& data = *chunk->mutable_data();
+  data.resize(std::min<uint64_t>(rpc::kMaxChunkBytes, size_ - sent_));
+  if (absl::Status status = Read(absl::MakeSpan(data)); !status.ok()) return status;
   chunk->set_offset(sent_);
-  chunk->set_data(pending_.substr(0, size));
-  chunk->set_checksum(rpc::Checksum(chunk->data()));
+  chunk->set_checksum(rpc::Checksum(data));
   chunk->set_total_size(size_);
   if (sent_ == 0) chunk->set_film_levels(film_levels_);
-  pending_.erase(0, size);
-  sent_ += size;
+  sent_ += data.size();
   return true;
 }
 

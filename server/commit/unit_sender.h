@@ -4,7 +4,9 @@
 #include <string>
 #include <utility>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/types/span.h"
 #include "lumifold/v1/image.pb.h"
 #include "server/commit/committed_units.h"
 
@@ -24,11 +26,14 @@ class UnitSender {
   absl::StatusOr<bool> Next(v1::ByteChunk* chunk);
 
  private:
+  /// Fills `bytes` with the next ones.
+  absl::Status Read(absl::Span<char> bytes);
+
   CommittedUnits units_;
   uint64_t size_;
   uint64_t film_levels_;
-  int64_t next_unit_ = 0;
-  std::string pending_;  // read and not sent
+  int64_t unit_ = 0;        // whose record comes next
+  uint64_t of_record_ = 0;  // bytes of it that were sent
   uint64_t sent_ = 0;
 };
 

@@ -104,6 +104,7 @@ class ReceivedResult final : public ResultUpload {
       return absl::InvalidArgumentError(absl::StrCat("result: ", chunk.total_size(), " bytes are too many"));
     if (sha256_.empty()) sha256_ = chunk.sha256();
     resources_->traffic.results_received += static_cast<int64_t>(chunk.data().size());
+    sum_.Update(chunk.data());
     return resources_->NoteError(file_->Add(chunk));
   }
 
@@ -136,9 +137,7 @@ class ReceivedResult final : public ResultUpload {
     if (block_bytes_.has_value() && file_->total_size() != *block_bytes_)
       return absl::InvalidArgumentError(absl::StrCat("result: a block has ", *block_bytes_, " bytes"));
     if (absl::Status status = file_->Sync(); !status.ok()) return status;
-    const absl::StatusOr<std::string> digest = rpc::Sha256HexOfFile(partial_);
-    if (!digest.ok()) return digest.status();
-    if (*digest != sha256_) return absl::DataLossError("result: the SHA-256 does not match");
+    if (sum_.FinishHex() != sha256_) return absl::DataLossError("result: the SHA-256 does not match");
     return absl::OkStatus();
   }
 
@@ -165,7 +164,7 @@ class ReceivedResult final : public ResultUpload {
     if (const int error = files->Rename(partial_, path_); error != 0) return StorageError(path_, error);
     if (block_bytes_.has_value()) return absl::OkStatus();
     if (const int error = files->SyncFolder(FolderOf(path_)); error != 0) return StorageError(path_, error);
-    return film::MakeResultDigest(path_, files).status();
+    return film::WriteResultDigest(path_, sha256_, files);
   }
 
   Resources* const resources_;
@@ -180,7 +179,8 @@ class ReceivedResult final : public ResultUpload {
   const std::string path_;
   const std::string partial_;
   std::optional<rpc::ByteReceiver> file_;
-  std::string sha256_;
+  rpc::Sha256 sum_;     // of what has arrived
+  std::string sha256_;  // as the worker says
 };
 
 }  // namespace

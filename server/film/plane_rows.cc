@@ -59,7 +59,7 @@ const Plane& PlaneRows::Decompressed(size_t plane) {
     if (decompressed_plane_.height() == 0) decompressed_plane_ = Plane::Packed(width_, height_);
     const rpc::EncodedPlane& encoded = planes_[plane];
     const absl::Status decoded =
-        decompressor_.Decode(BytesAt(encoded.first_byte, encoded.size_bytes), decompressed_plane_.view());
+        rpc::DecompressPlane(BytesAt(encoded.first_byte, encoded.size_bytes), decompressed_plane_.view());
     if (!decoded.ok()) {
       decompressed_plane_.Fill(0);
       status_.Update(absl::InvalidArgumentError(absl::StrCat(

@@ -59,8 +59,7 @@ class PlaneRows {
   std::vector<rpc::EncodedPlane> planes_;  // of a picture that arrived
   std::string joined_;                     // rows that are cut or apart
   std::vector<float> decoded_;             // rows that are not float32
-  rpc::PlaneDecompressor decompressor_;
-  std::optional<size_t> decompressed_;  // the plane in decompressed_plane_
+  std::optional<size_t> decompressed_;     // the plane in decompressed_plane_
   Plane decompressed_plane_;
   absl::Status status_;
 };

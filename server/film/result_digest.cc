@@ -16,9 +16,12 @@ std::string DigestPath(const std::string& result_path) { return absl::StrCat(res
 absl::StatusOr<std::string> MakeResultDigest(const std::string& result_path, FileSystem* files) {
   absl::StatusOr<std::string> digest = rpc::Sha256HexOfFile(result_path);
   if (!digest.ok()) return digest;
-  if (absl::Status status = WriteFileAtomically(DigestPath(result_path), *digest, files); !status.ok())
-    return status;
+  if (absl::Status status = WriteResultDigest(result_path, *digest, files); !status.ok()) return status;
   return digest;
+}
+
+absl::Status WriteResultDigest(const std::string& result_path, const std::string& digest, FileSystem* files) {
+  return WriteFileAtomically(DigestPath(result_path), digest, files);
 }
 
 absl::StatusOr<std::string> ResultDigest(const std::string& result_path) {

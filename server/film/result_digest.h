@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "filter/image/file_system.h"
 
@@ -18,5 +19,8 @@ absl::StatusOr<std::string> ResultDigest(const std::string& result_path);
 /// Errors: as ResultDigest.
 absl::StatusOr<std::string> MakeResultDigest(const std::string& result_path,
                                              FileSystem* files = PrivateFileSystem());
+
+/// Keeps the SHA-256 that a result had when it arrived. Errors: as ResultDigest.
+absl::Status WriteResultDigest(const std::string& result_path, const std::string& digest, FileSystem* files);
 
 }  // namespace lumifold::film

@@ -189,9 +189,15 @@ absl::StatusOr<UnitHeader> UnitLogReader::ReadHeader(const RecordPlace& place) c
                      header->edges().layout().height(), std::move(*header->mutable_stats())}};
 }
 
-absl::StatusOr<std::string> UnitLogReader::ReadBytes(const RecordPlace& place) const {
+absl::Status UnitLogReader::ReadBytes(const RecordPlace& place, uint64_t first,
+                                      absl::Span<char> bytes) const {
   if (absl::Status status = CheckWithinFile(place); !status.ok()) return status;
-  return BytesAt(file_, path_, place.offset, place.length);
+  if (first > place.length || bytes.size() > place.length - first)
+    return DamagedRecord(path_, place.offset, "is shorter than what is wanted");
+  const int64_t count = ReadAt(file_.get(), place.offset + first, bytes.data(), bytes.size());
+  if (count < 0) return FileError(path_, count);
+  if (static_cast<size_t>(count) < bytes.size()) return DamagedRecord(path_, place.offset, "is cut short");
+  return absl::OkStatus();
 }
 
 absl::Status UnitLogReader::ForEachHeader(

@@ -6,6 +6,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/types/span.h"
 #include "filter/image/edged_image.h"
 #include "filter/image/file_system.h"
 #include "lumifold/v1/worker.pb.h"
@@ -97,8 +98,9 @@ class UnitLogReader {
   /// As Read, for the header only; the pixels are not checked.
   absl::StatusOr<UnitHeader> ReadHeader(const RecordPlace& place) const;
 
-  /// The bytes of the record as they are, neither checked nor decoded.
-  absl::StatusOr<std::string> ReadBytes(const RecordPlace& place) const;
+  /// Fills `bytes` with those of the record from the one with number `first` on, as they are, neither checked
+  /// nor decoded. Errors: kDataLoss where they are not within the record or the file; as Read.
+  absl::Status ReadBytes(const RecordPlace& place, uint64_t first, absl::Span<char> bytes) const;
 
   /// Reads the headers of all records, of a file that has nothing else. Errors: as Read.
   absl::Status ForEachHeader(absl::FunctionRef<void(const UnitHeader&, const RecordPlace&)> visit) const;

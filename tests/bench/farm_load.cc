@@ -2,6 +2,7 @@
 // workers over real sockets that answer each lease with a unit that is ready. Prints one "name value" pair a
 // line. Exits with 1 where the coordinator refused a unit, ended a stream or committed nothing.
 #include <fcntl.h>
+#include <signal.h>
 #include <sys/resource.h>
 #include <time.h>
 #include <unistd.h>
@@ -21,7 +22,10 @@
 #include "absl/time/clock.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/threads/event.h"
+#include "server/job/job_spec.h"
+#include "server/job/tile_grid.h"
 #include "tests/bench/farm_load_access.h"
+#include "tests/bench/farm_load_results.h"
 #include "tests/bench/farm_load_server.h"
 #include "tests/bench/farm_load_worker.h"
 
@@ -53,6 +57,8 @@ struct Flags {
   std::string scene;
   bool float32 = false;
   int64_t units = 100'000;
+  int frames = 24;
+  int result_mb = 30;
   std::string folder = std::filesystem::temp_directory_path().string();
   bool tls = false;
   std::string server =
@@ -62,9 +68,11 @@ struct Flags {
 void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option(
          "--measure", flags->measure,
-         "units: rate, times and memory under load; restart: time until a killed coordinator with --units "
-         "committed units listens again; list: time of a page of --jobs jobs")
-      ->check(CLI::IsMember({"units", "restart", "list"}))
+         "units: rate, times and memory under load; frames: what the coordinator does for --frames frames of "
+         "one pass that workers finish; restart: time until a killed coordinator with --units committed "
+         "units "
+         "listens again; list: time of a page of --jobs jobs")
+      ->check(CLI::IsMember({"units", "frames", "restart", "list"}))
       ->capture_default_str();
   app->add_option("--workers", flags->workers)->check(CLI::Range(1, 10'000))->capture_default_str();
   app->add_option("--slots", flags->slots, "Slots of a worker")
@@ -88,6 +96,12 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_flag("--float32", flags->float32,
                 "Send all planes as float32 instead of their smallest encodings");
   app->add_option("--units", flags->units, "Units to commit before the restart")->capture_default_str();
+  app->add_option("--frames", flags->frames, "Of --measure frames")
+      ->check(CLI::Range(2, 1'000))
+      ->capture_default_str();
+  app->add_option("--result-mb", flags->result_mb, "Size of the file of a frame, of --measure frames")
+      ->check(CLI::Range(1, 1'000))
+      ->capture_default_str();
   app->add_flag("--tls", flags->tls, "With certificates and tokens, instead of plain text");
   app->add_option("--folder", flags->folder, "Where the data folder is made, and removed at the end")
       ->capture_default_str();
@@ -112,13 +126,15 @@ double OwnCpuSeconds() {
 }
 
 v1::JobSpec SpecOf(const Flags& flags, const v1::SceneRef& scene) {
+  const bool has_frames = flags.measure == "frames";
   v1::JobSpec spec;
   spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   *spec.mutable_scene() = scene;
   spec.set_width(flags.size);
   spec.set_height(flags.size);
-  spec.set_frame_count(1);
-  spec.set_samples_per_pixel(flags.pass_samples * kPasses);
+  spec.set_frame_count(has_frames ? flags.frames : 1);
+  spec.set_samples_per_pixel(flags.pass_samples * (has_frames ? 1 : kPasses));
+  if (has_frames) spec.set_first_pass_samples(job::kFirstPassSamples);  // as a plan does
   spec.set_pass_samples(flags.pass_samples);
   spec.set_tile_size(flags.tile);
   spec.mutable_filter()->set_method("none");
@@ -169,12 +185,13 @@ double DiskBytesPerSecond(const std::string& path, int64_t bytes, size_t piece) 
 /// Workers that load coordinators, each one of them, until they are destroyed.
 class Load {
  public:
-  /// `units` must outlive it.
+  /// `units`, and `results`, which may be null, must outlive it.
   Load(const std::vector<std::string>& addresses, const rpc::Security& security, int workers, int slots,
-       ReadyUnits* units) {
+       ReadyUnits* units, const ReadyResults* results = nullptr) {
     for (size_t i = 0; i < static_cast<size_t>(workers); ++i)
       workers_.push_back(std::make_unique<LoadWorker>(addresses[i % addresses.size()], security,
-                                                      absl::StrCat("load-", i), slots, units, &counters));
+                                                      absl::StrCat("load-", i), slots, units, results,
+                                                      &counters));
     pulse_ = std::thread([this] {
       while (!stop_.WaitFor(kHeartbeat)) {
         for (const std::unique_ptr<LoadWorker>& worker : workers_) worker->SendHeartbeat();
@@ -195,6 +212,10 @@ class Load {
   /// False where they do not arrive, or a stream has ended.
   bool WaitForUnits(int64_t units) const {
     return WaitUntil([this, units] { return counters.committed >= units; });
+  }
+
+  bool WaitForFrames(int64_t frames) const {
+    return WaitUntil([this, frames] { return counters.finished >= frames; });
   }
 
   LoadCounters counters;
@@ -366,6 +387,59 @@ int MeasureUnits(const Flags& flags) {
   return clean ? 0 : 1;
 }
 
+/// Holds the coordinator's one place for frames, so that workers get all the others: stops the first child
+/// that it has, until its destruction.
+class HeldPlace {
+ public:
+  explicit HeldPlace(const ServerProcess* server) : server_(server), watch_([this] { Watch(); }) {}
+  ~HeldPlace() {
+    stop_.Notify();
+    watch_.join();
+    server_->SignalChildren(SIGCONT);
+  }
+  HeldPlace(const HeldPlace&) = delete;
+  HeldPlace& operator=(const HeldPlace&) = delete;
+
+ private:
+  void Watch() const {
+    constexpr absl::Duration kPause = absl::Milliseconds(2);
+    while (server_->SignalChildren(SIGSTOP) == 0 && !stop_.WaitFor(kPause)) {
+    }
+  }
+
+  const ServerProcess* const server_;
+  threads::Event stop_;
+  std::thread watch_;  // last member: it uses the members above
+};
+
+/// First all units are delivered, then the frames are finished.
+int MeasureFrames(const Flags& flags) {
+  const absl::StatusOr<std::unique_ptr<ReadyUnits>> units = MakeUnits(flags);
+  if (!units.ok()) return Fail(units.status());
+  ReadyResults results(static_cast<size_t>(flags.result_mb) << 20);
+  const ScratchFolder folder(flags.folder);
+  const absl::StatusOr<std::unique_ptr<ServerProcess>> server = ServerProcess::Start(
+      flags.server, folder.Path("data"), folder.Path("log"), {"--finish-processes", "1"});
+  if (!server.ok()) return Fail(server.status());
+  const HeldPlace held(server->get());
+  Client client((*server)->address(), {});
+  if (absl::Status status = SubmitJobs(flags, client); !status.ok()) return Fail(status);
+  const int64_t units_of_frame = job::FrameUnits(SpecOf(flags, {})).count();
+  const double first_cpu = (*server)->cpu_seconds();
+  Load load({(*server)->address()}, {}, flags.workers, flags.slots, units->get(), &results);
+  const bool has_units = load.WaitForUnits(units_of_frame * flags.frames);
+  const double units_cpu = (*server)->cpu_seconds();
+  results.Begin();
+  const bool has_frames = has_units && load.WaitForFrames(flags.frames - 1);
+  const double frames_cpu = (*server)->cpu_seconds();
+  if (!IsClean(load) || !has_frames) return Fail(absl::UnavailableError("the frames are not finished"));
+  Print("units_per_frame", static_cast<double>(units_of_frame), 0);
+  Print("mb_per_frame", static_cast<double>(load.counters.committed_bytes) / flags.frames / kMega);
+  Print("server_cpu_seconds_per_frame_received", (units_cpu - first_cpu) / flags.frames, 4);
+  Print("server_cpu_seconds_per_frame_finished", (frames_cpu - units_cpu) / (flags.frames - 1), 4);
+  return 0;
+}
+
 int MeasureRestart(const Flags& flags) {
   const absl::StatusOr<std::unique_ptr<ReadyUnits>> units = MakeUnits(flags);
   if (!units.ok()) return Fail(units.status());
@@ -466,6 +540,7 @@ void RaiseDescriptorLimit() {
 
 int Run(const Flags& flags) {
   RaiseDescriptorLimit();
+  if (flags.measure == "frames") return MeasureFrames(flags);
   if (flags.measure == "restart") return MeasureRestart(flags);
   if (flags.measure == "list") return MeasureList(flags);
   return MeasureUnits(flags);

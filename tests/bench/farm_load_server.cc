@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <string_view>
@@ -36,7 +37,8 @@ void SetDeadline(grpc::ClientContext* context) {
 
 absl::StatusOr<std::unique_ptr<ServerProcess>> ServerProcess::Start(const std::string& program,
                                                                     const std::string& data,
-                                                                    const std::string& log_path) {
+                                                                    const std::string& log_path,
+                                                                    const std::vector<std::string>& options) {
   int out[2];
   if (pipe2(out, O_CLOEXEC) != 0) return absl::UnavailableError("no pipe");
   posix_spawn_file_actions_t actions;
@@ -44,11 +46,13 @@ absl::StatusOr<std::unique_ptr<ServerProcess>> ServerProcess::Start(const std::s
   posix_spawn_file_actions_adddup2(&actions, out[1], STDOUT_FILENO);
   posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, log_path.c_str(), O_WRONLY | O_CREAT | O_APPEND,
                                    0644);
-  std::string words[] = {program, "--data", data, "--listen", "127.0.0.1:0"};
-  char* arguments[] = {words[0].data(), words[1].data(), words[2].data(),
-                       words[3].data(), words[4].data(), nullptr};
+  std::vector<std::string> words = {program, "--data", data, "--listen", "127.0.0.1:0"};
+  words.insert(words.end(), options.begin(), options.end());
+  std::vector<char*> arguments;
+  for (std::string& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
   pid_t pid = 0;
-  const int error = posix_spawn(&pid, program.c_str(), &actions, nullptr, arguments, environ);
+  const int error = posix_spawn(&pid, program.c_str(), &actions, nullptr, arguments.data(), environ);
   posix_spawn_file_actions_destroy(&actions);
   close(out[1]);
   const std::unique_ptr<FILE, int (*)(FILE*)> lines(fdopen(out[0], "r"), &fclose);
@@ -68,6 +72,16 @@ void ServerProcess::End(int signal) {
   kill(pid_, signal);
   waitpid(pid_, nullptr, 0);
   pid_ = 0;
+}
+
+int ServerProcess::SignalChildren(int signal) const {
+  int count = 0;
+  const std::string tasks = absl::StrCat("/proc/", pid_, "/task");
+  for (const std::filesystem::directory_entry& task : std::filesystem::directory_iterator(tasks)) {
+    std::ifstream children(task.path() / "children");
+    for (pid_t child = 0; children >> child; ++count) kill(child, signal);
+  }
+  return count;
 }
 
 double ServerProcess::cpu_seconds() const {

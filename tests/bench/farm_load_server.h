@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "lumifold/v1/farm.grpc.pb.h"
@@ -17,10 +18,12 @@ namespace lumifold::bench {
 class ServerProcess {
  public:
   /// Starts `program` on a free port of this machine and waits until it listens. Its log goes to `log_path`.
+  /// `options` are added to its command line.
   /// Errors: kUnavailable where it does not listen.
   static absl::StatusOr<std::unique_ptr<ServerProcess>> Start(const std::string& program,
                                                               const std::string& data,
-                                                              const std::string& log_path);
+                                                              const std::string& log_path,
+                                                              const std::vector<std::string>& options = {});
   /// SIGTERM.
   ~ServerProcess();
   ServerProcess(const ServerProcess&) = delete;
@@ -29,7 +32,9 @@ class ServerProcess {
   /// SIGKILL.
   void Kill() { End(9); }
   const std::string& address() const { return address_; }
-  /// Processor time so far.
+  /// Sends a signal to its child processes. Returns how many there are.
+  int SignalChildren(int signal) const;
+  /// Processor time so far, without that of its children.
   double cpu_seconds() const;
   /// Resident memory now.
   int64_t rss_bytes() const;

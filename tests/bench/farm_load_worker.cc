@@ -8,11 +8,14 @@
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/version.h"
+#include "worker/render/renderer.h"
 
 namespace lumifold::bench {
 namespace {
 
 constexpr size_t kMaxErrors = 10;
+/// More than any frame needs.
+constexpr uint64_t kManyBytes = uint64_t{1} << 40;
 
 /// A channel that shares its connection with no other.
 std::shared_ptr<grpc::Channel> OwnChannel(const std::string& address, const rpc::Security& security) {
@@ -75,11 +78,20 @@ std::vector<std::string> LoadCounters::errors() const {
 }
 
 LoadWorker::LoadWorker(const std::string& address, const rpc::Security& security, const std::string& name,
-                       int slots, ReadyUnits* units, LoadCounters* counters)
-    : units_(units), counters_(counters), stub_(OwnChannel(address, security)) {
+                       int slots, ReadyUnits* units, const ReadyResults* results, LoadCounters* counters)
+    : units_(units),
+      results_(results),
+      counters_(counters),
+      channel_(OwnChannel(address, security)),
+      stub_(channel_),
+      calls_(channel_) {
   v1::WorkerMessage message;
   message.mutable_hello()->set_name(name);
-  message.mutable_hello()->set_numeric_class("load");
+  message.mutable_hello()->set_numeric_class(results == nullptr ? "load" : render::NumericClass());
+  if (results != nullptr) {
+    message.mutable_hello()->set_finishes(1);
+    message.mutable_hello()->set_finish_memory_bytes(kManyBytes);
+  }
   message.mutable_hello()->set_slots(slots);
   message.mutable_hello()->set_wire_version(rpc::kWireVersion);
   context_.set_wait_for_ready(true);
@@ -136,7 +148,11 @@ void LoadWorker::OnReadDone(bool ok) {
     RemoveHold();
     return;
   }
-  if (message.has_welcome()) ++counters_->welcomed;
+  if (message.has_welcome()) {
+    absl::MutexLock lock(&mutex_);
+    id_ = message.welcome().worker_id();
+    ++counters_->welcomed;
+  }
   if (message.has_grant()) OnGrant(message.grant());
   if (message.has_ack()) OnAck(message.ack());
   StartRead(&incoming_);
@@ -145,20 +161,45 @@ void LoadWorker::OnReadDone(bool ok) {
 void LoadWorker::OnGrant(const v1::Grant& grant) {
   const absl::Time now = rpc::MonotonicNow();
   for (const v1::Lease& lease : grant.leases()) {
-    std::vector<grpc::ByteBuffer> messages = units_->MessagesFor(lease);
-    absl::MutexLock lock(&mutex_);
-    newest_attempt_ = std::max(newest_attempt_, lease.attempt());
-    if (!free_since_.empty()) {
-      counters_->AddLease(now - free_since_.front());
-      free_since_.pop_front();
-    }
-    Delivered& delivered = delivered_[lease.attempt()];
-    delivered = {lease, now};
-    for (grpc::ByteBuffer& message : messages) {
-      delivered.bytes += static_cast<int64_t>(message.Length());
-      Send(std::move(message));
+    if (lease.unit().kind() == v1::UNIT_KIND_RESULT) {
+      Finish(lease);
+    } else {
+      Answer(lease, now);
     }
   }
+}
+
+void LoadWorker::Answer(const v1::Lease& lease, absl::Time now) {
+  std::vector<grpc::ByteBuffer> messages = units_->MessagesFor(lease);
+  absl::MutexLock lock(&mutex_);
+  newest_attempt_ = std::max(newest_attempt_, lease.attempt());
+  if (!free_since_.empty()) {
+    counters_->AddLease(now - free_since_.front());
+    free_since_.pop_front();
+  }
+  Delivered& delivered = delivered_[lease.attempt()];
+  delivered = {lease, now};
+  for (grpc::ByteBuffer& message : messages) {
+    delivered.bytes += static_cast<int64_t>(message.Length());
+    Send(std::move(message));
+  }
+}
+
+void LoadWorker::Finish(const v1::Lease& lease) {
+  std::string id;
+  {
+    absl::MutexLock lock(&mutex_);
+    newest_attempt_ = std::max(newest_attempt_, lease.attempt());
+    delivered_[lease.attempt()] = {lease, rpc::MonotonicNow()};
+    id = id_;
+  }
+  finisher_.Run([this, id, lease] {
+    const absl::Status status = results_->Finish(&calls_, id, lease);
+    if (!status.ok()) counters_->AddError("frame: " + std::string(status.message()));
+    absl::MutexLock lock(&mutex_);
+    delivered_.erase(lease.attempt());
+    ++counters_->finished;
+  });
 }
 
 void LoadWorker::OnAck(const v1::UnitAck& ack) {

@@ -15,8 +15,10 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/time.h"
-#include "lumifold/v1/worker.pb.h"
+#include "lumifold/v1/worker.grpc.pb.h"
 #include "proto/rpc/credentials.h"
+#include "proto/threads/task_thread.h"
+#include "tests/bench/farm_load_results.h"
 #include "tests/bench/farm_load_units.h"
 
 namespace lumifold::bench {
@@ -30,6 +32,7 @@ class LoadCounters {
   std::atomic<int64_t> committed = 0;
   std::atomic<int64_t> refused = 0;
   std::atomic<int64_t> committed_bytes = 0;
+  std::atomic<int64_t> finished = 0;  // frames
 
   /// Times are kept between Start and Stop only.
   void StartTiming();
@@ -52,13 +55,14 @@ class LoadCounters {
 };
 
 /// A worker that answers each lease with a unit that is ready, on a connection of its own. Sends raw bytes,
-/// so that N workers cost little more than the system's sockets.
+/// so that N workers cost little more than the system's sockets. With results it finishes frames too, one at
+/// a time.
 /// Threads: safe.
 class LoadWorker final : private grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer> {
  public:
-  /// `units` and `counters` must outlive it.
+  /// `units`, `results`, which may be null, and `counters` must outlive it.
   LoadWorker(const std::string& address, const rpc::Security& security, const std::string& name, int slots,
-             ReadyUnits* units, LoadCounters* counters);
+             ReadyUnits* units, const ReadyResults* results, LoadCounters* counters);
   ~LoadWorker() override;
 
   void SendHeartbeat();
@@ -76,12 +80,17 @@ class LoadWorker final : private grpc::ClientBidiReactor<grpc::ByteBuffer, grpc:
   void OnWriteDone(bool ok) override;
   void OnDone(const grpc::Status& status) override;
   void OnGrant(const v1::Grant& grant);
+  void Answer(const v1::Lease& lease, absl::Time now);
+  void Finish(const v1::Lease& lease);
   void OnAck(const v1::UnitAck& ack);
   void Send(grpc::ByteBuffer message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   ReadyUnits* const units_;
+  const ReadyResults* const results_;
   LoadCounters* const counters_;
+  const std::shared_ptr<grpc::Channel> channel_;
   grpc::GenericStub stub_;
+  v1::WorkerService::Stub calls_;
   grpc::ClientContext context_;
   grpc::ByteBuffer incoming_;
   absl::Notification done_;
@@ -93,6 +102,8 @@ class LoadWorker final : private grpc::ClientBidiReactor<grpc::ByteBuffer, grpc:
   std::deque<absl::Time> free_since_ ABSL_GUARDED_BY(mutex_);       // slots without a lease
   int64_t newest_attempt_ ABSL_GUARDED_BY(mutex_) = 0;
   int64_t progress_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::string id_ ABSL_GUARDED_BY(mutex_);
+  threads::TaskThread finisher_{threads::TaskThread::Priority::kNormal};
 };
 
 }  // namespace lumifold::bench

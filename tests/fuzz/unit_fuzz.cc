@@ -104,13 +104,12 @@ void ReadLog(std::string log) {
 
 /// Bytes that are said to be a compressed plane.
 void Decompress(std::string_view bytes) {
-  static rpc::PlaneDecompressor decompressor;
   static Plane plane(kRect.width(), kRect.height());
-  if (!decompressor.Decode(bytes, plane.view()).ok()) return;
+  if (!rpc::DecompressPlane(bytes, plane.view()).ok()) return;
   std::string again;
   if (rpc::PlaneCompressor().Append(plane.view(), &again) == 0) return;
   Plane same(kRect.width(), kRect.height());
-  if (!decompressor.Decode(again, same.view()).ok()) Fail("a plane that cannot be sent again", "");
+  if (!rpc::DecompressPlane(again, same.view()).ok()) Fail("a plane that cannot be sent again", "");
   for (int y = 0; y < plane.height(); ++y) {
     if (std::memcmp(plane.Row(y), same.Row(y), static_cast<size_t>(plane.width()) * sizeof(float)) != 0)
       Fail("a plane that changes when it is sent again", "");

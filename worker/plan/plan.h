@@ -25,6 +25,7 @@ inline constexpr double kMinUnitSeconds = 2;
 struct PlanSettings {
   render::RenderSettings render;    // its plan is not read
   int samples = 64;                 // per pixel
+  int frames = 1;                   // of the job
   bool full = false;                // model everything
   std::vector<std::string> forced;  // "NAME=VALUE": decisions to override, also those of `full`
   double rays_per_second = kRaysPerSecond;

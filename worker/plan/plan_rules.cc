@@ -181,7 +181,7 @@ Verdict DecideRoulette(const RuleInput& input, const Plan& so_far) {
 
 constexpr int kTile = 32;
 constexpr int kMaxPlannedTile = 128;
-/// A frame has at least this many tiles, so that many workers can share it.
+/// The frames of a job have at least this many tiles together, so that many workers can share it.
 constexpr int64_t kMinTiles = 64;
 /// The probe has no more pixels, and the order is part of the plan.
 constexpr int64_t kMaxOrderedTiles = kProbePixels;
@@ -218,7 +218,7 @@ Verdict DecideTileSize(const RuleInput& input, const Plan&) {
   const int samples = DefaultPass(input.settings);
   int size = kTile;
   while (size < kMaxPlannedTile && samples * SecondsPerSample(input, size) < kMinUnitSeconds &&
-         TilesOf(input.settings, 2 * size) >= kMinTiles)
+         input.settings.frames * TilesOf(input.settings, 2 * size) >= kMinTiles)
     size *= 2;
   return {size, Source::kProbe,
           absl::StrFormat("%d samples take %.2g s in a tile of this size, %.2g s in one of %d", samples,

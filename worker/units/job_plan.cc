@@ -6,6 +6,7 @@
 #include "filter/image/decisions.h"
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
+#include "server/job/frame_list.h"
 #include "worker/plan/plan.h"
 #include "worker/plan/probe.h"
 
@@ -62,6 +63,7 @@ absl::StatusOr<v1::Plan> PlanJob(const v1::JobSpec& spec, const JobScene& scene)
   plan::PlanSettings settings;
   settings.render = scene.settings;
   settings.samples = spec.samples_per_pixel();
+  settings.frames = job::FrameList(spec).count();
   settings.full = spec.planning().mode() == v1::PLAN_MODE_FULL;
   settings.forced = ForcedOf(spec);
   settings.file_bytes = spec.scene().file().size();

@@ -244,6 +244,16 @@ TEST(PlanRules, UnitsTakeLongEnough) {
   EXPECT_EQ(with(1024, 1e3).tile_size, 32) << "on a slow machine a small tile takes long enough";
 }
 
+TEST(PlanRules, ManyFramesAreSharedByFrames) {
+  PlanSettings settings = SettingsFor();
+  settings.render.width = 1024;
+  settings.render.height = 768;  // 48 tiles of 128x128
+  settings.rays_per_second = 1e12;
+  EXPECT_EQ(PlanOf(LitBox(Gray()), settings).units.tile_size, 64);
+  settings.frames = 2;
+  EXPECT_EQ(PlanOf(LitBox(Gray()), settings).units.tile_size, 128);
+}
+
 TEST(PlanRules, CostlyTilesComeFirst) {
   PlanSettings settings = SettingsFor(WhiteSky());
   settings.render.width = 256;

@@ -57,14 +57,13 @@ std::string Bomb(int megabytes, bool says_size) {
 
 std::string ErrorOf(const std::string& bytes, int width = 8, int height = 4) {
   Plane plane(width, height);
-  const absl::Status status = PlaneDecompressor().Decode(bytes, plane.view());
+  const absl::Status status = DecompressPlane(bytes, plane.view());
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
   return std::string(status.message());
 }
 
 TEST(PlaneCompression, KeepsEveryBit) {
   PlaneCompressor compressor;
-  PlaneDecompressor decompressor;
   std::mt19937 random(1);
   for (const int width : {5, 16, 33, 257}) {  // rows of a plane are padded in memory
     for (const int height : {9, 32}) {
@@ -79,7 +78,7 @@ TEST(PlaneCompression, KeepsEveryBit) {
       ASSERT_EQ(bytes.size(), 6 + size);
       EXPECT_LT(size, static_cast<size_t>(width * height) * sizeof(float));
       Plane decoded(width, height);
-      ASSERT_TRUE(decompressor.Decode(std::string_view(bytes).substr(6), decoded.view()).ok());
+      ASSERT_TRUE(DecompressPlane(std::string_view(bytes).substr(6), decoded.view()).ok());
       for (int y = 0; y < height; ++y)
         EXPECT_EQ(std::memcmp(plane.Row(y), decoded.Row(y), static_cast<size_t>(width) * sizeof(float)), 0);
     }
@@ -131,14 +130,13 @@ TEST(PlaneCompression, ABombTakesNoMoreMemoryThanThePlane) {
 TEST(PlaneCompression, AnyDamageEndsInAStatus) {
   const std::string good = Compressed(SmoothPlane(16, 16));
   std::mt19937 random(2);
-  PlaneDecompressor decompressor;
   Plane plane(16, 16);
   for (int repeat = 0; repeat < 2000; ++repeat) {
     std::string bad = good;
     bad[random() % bad.size()] = static_cast<char>(random());
-    (void)decompressor.Decode(bad, plane.view());
+    (void)DecompressPlane(bad, plane.view());
   }
-  EXPECT_TRUE(decompressor.Decode(good, plane.view()).ok()) << "a decompressor goes on after errors";
+  EXPECT_TRUE(DecompressPlane(good, plane.view()).ok()) << "a thread goes on after errors";
 }
 
 }  // namespace

@@ -109,6 +109,17 @@ TEST_F(AuditedResultsTest, TwoWorkersThatMakeTheSameFinishTheFrame) {
   EXPECT_THAT(Blocked(), IsEmpty());
 }
 
+TEST_F(AuditedResultsTest, AResultThatIsNotWhatWasPromisedIsRefused) {
+  scheduling_.set_audit_share(0);
+  const job::JobId job = Submit(Spec(2), "not audited");
+  Render(job);
+  const auto carl = Finisher("carl");
+  AwaitLease(*carl);
+  EXPECT_EQ(carl->DeliverResult(coordinator_.get(), "a picture", /*promised=*/"another").code(),
+            absl::StatusCode::kDataLoss);
+  EXPECT_FALSE(IsDone(job));
+}
+
 TEST_F(AuditedResultsTest, WhereTwoDifferTheCoordinatorSaysWhoLied) {
   Render(job_);
   const auto carl = Finisher("carl");

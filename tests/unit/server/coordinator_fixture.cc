@@ -93,7 +93,8 @@ int PumpedWorker::Deliver(int count) {
   return delivered;
 }
 
-absl::Status PumpedWorker::DeliverResult(Coordinator* coordinator, const std::string& bytes) {
+absl::Status PumpedWorker::DeliverResult(Coordinator* coordinator, const std::string& bytes,
+                                         const std::string& promised) {
   const v1::Lease lease = TakeLease();
   v1::ResultAnnouncement announcement;
   *announcement.mutable_unit() = lease.unit();
@@ -109,7 +110,7 @@ absl::Status PumpedWorker::DeliverResult(Coordinator* coordinator, const std::st
   chunk.set_data(bytes);
   chunk.set_total_size(bytes.size());
   chunk.set_checksum(rpc::Checksum(bytes));
-  chunk.set_sha256(rpc::Sha256Hex(bytes));
+  chunk.set_sha256(rpc::Sha256Hex(promised));
   if (absl::Status status = (*upload)->Add(chunk); !status.ok()) return status;
   return (*upload)->Finish();
 }

@@ -48,8 +48,11 @@ class PumpedWorker final : public WorkerSink {
   void DeliverPlan(const v1::Plan& plan);
   /// Delivers pixels for the first lease that it has got.
   void DeliverPixels();
-  /// Delivers these bytes for the frame that it has a lease to finish.
-  absl::Status DeliverResult(Coordinator* coordinator, const std::string& bytes);
+  /// Delivers these bytes for the frame that it has a lease to finish; `promised` are those of its SHA-256.
+  absl::Status DeliverResult(Coordinator* coordinator, const std::string& bytes) {
+    return DeliverResult(coordinator, bytes, /*promised=*/bytes);
+  }
+  absl::Status DeliverResult(Coordinator* coordinator, const std::string& bytes, const std::string& promised);
   /// Says that it cannot render the units of the leases that it has got.
   void Fail();
   /// All units that were ever leased to it.

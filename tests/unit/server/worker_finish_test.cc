@@ -2,11 +2,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <filesystem>
 #include <functional>
 #include <string>
 #include <utility>
 
+#include "absl/types/span.h"
 #include "proto/rpc/checksum.h"
+#include "proto/rpc/limits.h"
 #include "proto/rpc/sha256.h"
 #include "server/commit/unit_sender.h"
 #include "server/film/unit_film.h"
@@ -141,6 +145,54 @@ TEST_F(WorkerFinishTest, AFrameThatIsNoLongerWantedIsDropped) {
   control_.stop = true;
   EXPECT_EQ(Finish().code(), absl::StatusCode::kCancelled);
   EXPECT_EQ(link_.delivered, "");
+}
+
+/// Records of more bytes than two pieces, in two logs.
+class UnitSenderTest : public CommittedFrameFixture {
+ protected:
+  UnitSenderTest() {
+    logs_ = 2;
+    v1::JobSpec spec = Spec(192, 128);
+    spec.set_tile_size(64);
+    Commit(job_, spec);
+  }
+  CommittedUnits Open() const { return *CommittedUnits::Open(folder_, *store_, *store_->GetJob(job_), 0); }
+
+  const JobId job_{"j-1"};
+};
+
+TEST_F(UnitSenderTest, SendsEachRecordOnceInFullPieces) {
+  const CommittedUnits units = Open();
+  UnitSender sender(Open());
+  std::string sent;
+  v1::ByteChunk chunk;
+  while (*sender.Next(&chunk)) {
+    EXPECT_EQ(chunk.offset(), sent.size());
+    EXPECT_EQ(chunk.total_size(), units.record_bytes());
+    EXPECT_EQ(chunk.checksum(), rpc::Checksum(chunk.data()));
+    sent += chunk.data();
+    EXPECT_EQ(chunk.data().size(),
+              std::min<uint64_t>(rpc::kMaxChunkBytes, chunk.total_size() - chunk.offset()));
+  }
+  EXPECT_GT(sent.size(), 2 * rpc::kMaxChunkBytes);
+  std::string records;
+  for (int64_t number = 0; number < units.places(); ++number) {
+    std::string record(units.record_bytes(number), '\0');
+    ASSERT_TRUE(units.ReadRecord(number, 0, absl::MakeSpan(record)).ok());
+    records += record;
+  }
+  EXPECT_EQ(sent, records);
+}
+
+TEST_F(UnitSenderTest, NamesALogThatHasBecomeShorter) {
+  UnitSender sender(Open());
+  const std::string log = folder_.PathOf(folder_.UnitLogName(job_, 0));
+  std::filesystem::resize_file(log, std::filesystem::file_size(log) / 2);
+  v1::ByteChunk chunk;
+  absl::StatusOr<bool> has_next = true;
+  while (has_next.ok() && *has_next) has_next = sender.Next(&chunk);
+  EXPECT_EQ(has_next.status().code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(std::string(has_next.status().message()), HasSubstr(log));
 }
 
 }  // namespace

@@ -13,8 +13,8 @@
 namespace lumifold::rpc {
 namespace {
 
-/// Level of zstd: one without Huffman codes. Level 1 saves 2 to 5 % of the bytes more, and both ends take 1.4 to
-/// 1.9 times as long.
+/// Level of zstd: one without Huffman codes. Level 1 saves 2 to 5 % of the bytes more, and both ends take 1.4
+/// to 1.9 times as long.
 constexpr int kLevel = -1;
 
 /// Values that are sorted together: a constant, so that the compiler vectorises the loops.
@@ -50,8 +50,8 @@ void UnsortBlock(const std::array<const char*, sizeof(float)>& planes, size_t fi
   std::memcpy(values, bits.data(), sizeof(bits));
 }
 
-/// Calls `sort(count, values, first)` for all values of a plane, `count` of them at a time, which is a constant;
-/// `first` is the number of the first.
+/// Calls `sort(count, values, first)` for all values of a plane, `count` of them at a time, which is a
+/// constant; `first` is the number of the first.
 template <typename View, typename SortValues>
 void ForEachBlock(View plane, SortValues sort) {
   const bool is_packed = plane.stride() == plane.width();

@@ -32,8 +32,8 @@ class PlaneCompressor {
   std::vector<char> sorted_;
 };
 
-/// Decodes a plane. What it needs for it, 160 KB and the bytes of the largest plane so far, whatever the bytes
-/// claim, stays with the thread: a unit is many small planes.
+/// Decodes a plane. What it needs for it, 160 KB and the bytes of the largest plane so far, whatever the
+/// bytes claim, stays with the thread: a unit is many small planes.
 /// Errors: kInvalidArgument where `bytes` are not one zstd frame of as many values; the plane is then
 /// undefined.
 /// Threads: safe.

@@ -214,19 +214,26 @@ class Load {
     return WaitUntil([this, units] { return counters.committed >= units; });
   }
 
-  bool WaitForFrames(int64_t frames) const {
-    return WaitUntil([this, frames] { return counters.finished >= frames; });
+  /// Until the one job has so many frames, whoever finished them.
+  bool WaitForFrames(Client& client, int frames) const {
+    constexpr absl::Duration kPause = absl::Milliseconds(100);
+    return WaitUntil(
+        [&client, frames] {
+          const absl::StatusOr<v1::ListJobsResponse> jobs = client.List(/*limit=*/1, "");
+          return jobs.ok() && jobs->jobs_size() == 1 && jobs->jobs(0).frames_done() >= frames;
+        },
+        kPause);
   }
 
   LoadCounters counters;
 
  private:
   template <typename Condition>
-  bool WaitUntil(Condition condition) const {
+  bool WaitUntil(Condition condition, absl::Duration pause = absl::Milliseconds(5)) const {
     const absl::Time end = rpc::MonotonicNow() + kPatience;
     while (!condition()) {
       if (counters.ended > 0 || rpc::MonotonicNow() > end) return false;
-      absl::SleepFor(absl::Milliseconds(5));
+      absl::SleepFor(pause);
     }
     return true;
   }
@@ -387,8 +394,8 @@ int MeasureUnits(const Flags& flags) {
   return clean ? 0 : 1;
 }
 
-/// Holds the coordinator's one place for frames, so that workers get all the others: stops the first child
-/// that it has, until its destruction.
+/// Holds the coordinator's one place for frames, so that workers get nearly all the others: stops the first
+/// child that it finds, until its destruction.
 class HeldPlace {
  public:
   explicit HeldPlace(const ServerProcess* server) : server_(server), watch_([this] { Watch(); }) {}
@@ -430,13 +437,15 @@ int MeasureFrames(const Flags& flags) {
   const bool has_units = load.WaitForUnits(units_of_frame * flags.frames);
   const double units_cpu = (*server)->cpu_seconds();
   results.Begin();
-  const bool has_frames = has_units && load.WaitForFrames(flags.frames - 1);
+  const bool has_frames = has_units && load.WaitForFrames(client, flags.frames - 1);
   const double frames_cpu = (*server)->cpu_seconds();
-  if (!IsClean(load) || !has_frames) return Fail(absl::UnavailableError("the frames are not finished"));
+  const int64_t finished = load.counters.finished;
+  if (!IsClean(load) || !has_frames || finished == 0)
+    return Fail(absl::UnavailableError("the workers do not finish the frames"));
   Print("units_per_frame", static_cast<double>(units_of_frame), 0);
   Print("mb_per_frame", static_cast<double>(load.counters.committed_bytes) / flags.frames / kMega);
   Print("server_cpu_seconds_per_frame_received", (units_cpu - first_cpu) / flags.frames, 4);
-  Print("server_cpu_seconds_per_frame_finished", (frames_cpu - units_cpu) / (flags.frames - 1), 4);
+  Print("server_cpu_seconds_per_frame_finished", (frames_cpu - units_cpu) / static_cast<double>(finished), 4);
   return 0;
 }
 

@@ -12,10 +12,10 @@ struct FinishSettings {
   /// For each frame: rendering its units and finishing it, on any machine.
   double render_seconds = 8.5;
   double finish_seconds = 8.2;
-  /// For each frame, of the coordinator: receiving, checking and storing its units; and sending them again
-  /// and receiving the file where a worker finishes it.
-  double receive_seconds = .55;
-  double send_seconds = .16;
+  /// For each frame, of the coordinator, as farm-load --measure frames tells: receiving, checking and storing
+  /// its units; and sending them again and receiving the file where a worker finishes it.
+  double receive_seconds = .25;
+  double send_seconds = .09;
   int units = 24;  // of a frame
   bool workers_finish = true;
   /// A design that is not built: each thread of a worker renders and finishes a frame by itself and sends the

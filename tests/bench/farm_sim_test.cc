@@ -35,6 +35,7 @@ TEST(FarmSim, TheFarmIsBusyFairAndStarvesNobody) {
 
 TEST(FarmSim, TheSameSeedPlaysTheSameFarm) {
   FarmSettings settings = Small();
+  settings.workers = 100;
   settings.units = 5'000;
   const FarmResult first = Simulate(settings);
   const FarmResult second = Simulate(settings);

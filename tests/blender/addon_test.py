@@ -21,7 +21,8 @@ from lumifold import versions
 
 HERE = pathlib.Path(__file__).parent
 ADDON = HERE.parents[1] / "deploy/blender"
-SAMPLES, FEW_SAMPLES = 128, 32
+SAMPLES, FEW_SAMPLES = 64, 32
+WORLD_WIDTH, BAKE_RESOLUTION = 256, 256  # Blender bakes as many samples a pixel as a user would wait for
 BLOCK = 8  # pixels: means over blocks have little noise
 WIDTH, HEIGHT = 128, 96
 # Of each scene: allowed difference of the mean from Cycles, and of the root mean square of the blocks, in
@@ -107,8 +108,8 @@ class Pictures(BlenderTest):
         scenes = [scene for scene in ALLOWED if scene != "light_of_4_5" or blender.version() >= (4, 5)]
         samples = [FEW_SAMPLES if ALLOWED[scene][1] > 1 else SAMPLES for scene in scenes]
         folders = self.render_each(
-            *((scene, {"settings": {"samples": n, "bake_resolution": 512}, "cycles": n})
-              for scene, n in zip(scenes, samples)))
+            *((scene, {"settings": {"samples": n, "bake_resolution": BAKE_RESOLUTION, "world_width": WORLD_WIDTH},
+                       "cycles": n}) for scene, n in zip(scenes, samples)))
         for scene, folder in zip(scenes, folders):
             with self.subTest(scene):
                 self.check(scene, folder)
@@ -133,9 +134,10 @@ class Passes(BlenderTest):
 
     def test_passes_transparency_and_border(self):
         passes, transparent, part, shadow = self.render_each(
-            ("world", {"settings": {"samples": 8, "pass_reflection": True}, "cycles": 4}),
-            ("world", {"settings": {"samples": 8}, "render": {"film_transparent": True}, "cycles": 64}),
-            ("world", {"settings": {"samples": 32}, "render": self.BORDER, "cycles": 32}),
+            ("world", {"settings": {"samples": 8, "world_width": WORLD_WIDTH, "pass_reflection": True}, "cycles": 4}),
+            ("world", {"settings": {"samples": 8, "world_width": WORLD_WIDTH}, "render": {"film_transparent": True},
+                       "cycles": 64}),
+            ("world", {"settings": {"samples": 32, "world_width": WORLD_WIDTH}, "render": self.BORDER, "cycles": 32}),
             ("catcher", {"settings": {"samples": 64}, "render": {"film_transparent": True}, "cycles": 64}))
         with self.subTest("all passes have the size and the meaning of Blender's"):
             self.check_passes(passes)

@@ -20,7 +20,7 @@ import tempfile
 PROGRAMS = pathlib.Path(
     os.environ.get("LUMIFOLD_BIN",
                    pathlib.Path(__file__).parents[2] / "build/release/bin"))
-WIDTH, HEIGHT = 26, 15
+WIDTH, HEIGHT = 20, 13
 ALLOWED = 1e-4
 
 

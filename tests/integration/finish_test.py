@@ -9,7 +9,7 @@ import unittest
 
 from farm import Farm, make_scene, wait_until
 
-FRAMES = 12
+FRAMES = 8
 SETTINGS = ["--size", "128x96", "--spp", "8", "--frames", f"0-{FRAMES - 1}"]
 # One place, so that the others wait; and leases that end soon.
 ONE_PLACE = ["--finish-processes", "1", "--filter-threads", "1", "--lease-seconds", "3", "--heartbeat-seconds", "0.2"]
@@ -56,18 +56,26 @@ class FinishTest(unittest.TestCase):
         """Frames that were leased to the process, so far."""
         return re.findall(rf"event=frame_leased .* worker=w-\d+/\S+:{worker.popen.pid} ", farm.server.log_text())
 
-    def await_lease(self, farm, worker):
-        wait_until(lambda: self.leased_to(farm, worker), "a frame for the worker")
+    def leased_job(self, farm, *workers):
+        """A job of which one of the workers has a frame to finish. On a loaded machine the coordinator may keep up
+        with what is rendered; then another job is tried."""
+        for _ in range(20):
+            job = self.submit(farm)
+            wait_until(lambda job=job: any(self.leased_to(farm, each) for each in workers) or
+                       farm.status(job)["state"] == "done", "a frame for a worker, or the job's end")
+            if any(self.leased_to(farm, each) for each in workers):
+                return job
+        return self.fail("no frame was leased")
 
     def test_workers_finish_what_the_coordinator_has_no_place_for(self):
         with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
             workers = [farm.start_worker(threads=2) for _ in range(2)]
-            job = self.submit(farm)
-            self.expect_same(data, farm, job)
+            self.expect_same(data, farm, self.leased_job(farm, *workers))
             finished = sum(worker.log_text().count("event=frame_finished") for worker in workers)
             self.assertGreater(finished, 0)
             self.assertEqual(farm.server.log_text().count("event=frame_leased"), finished)
-            self.assertEqual(farm.server.log_text().count("event=frame_finished"), FRAMES)
+            jobs = len(farm.client("list", "--json").stdout.splitlines())
+            self.assertEqual(farm.server.log_text().count("event=frame_finished"), FRAMES * jobs)
 
     def test_workers_compare_the_results_of_an_audited_job(self):
         with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
@@ -82,8 +90,7 @@ class FinishTest(unittest.TestCase):
         """A farm whose first worker has a frame to finish; what happens then changes no file."""
         with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
             workers = [farm.start_worker(*options, threads=2) for _ in range(2)]
-            job = self.submit(farm)
-            self.await_lease(farm, workers[0])
+            job = self.leased_job(farm, workers[0])
             yield farm, workers[0]
             self.expect_same(data, farm, job)
 

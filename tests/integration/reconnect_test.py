@@ -10,7 +10,7 @@ import unittest
 from farm import Farm, Process, make_scene, run, wait_until
 
 # Units of some seconds.
-SETTINGS = ["--size", "64x64", "--spp", "2048", "--seed", "3"]
+SETTINGS = ["--size", "64x64", "--spp", "1024", "--seed", "3"]
 SMALL = ["--size", "32x32", "--spp", "16", "--seed", "3"]
 # 8 short units, a geometry unit and a first pass of each tile; all others take minutes.
 NO_END = ["--size", "64x64", "--spp", "1048576", "--plan", "full"]

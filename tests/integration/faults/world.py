@@ -13,7 +13,7 @@ import disk
 import farm as farms
 import network
 
-PATIENCE_SECONDS = 240
+PATIENCE_SECONDS = 900
 LEASE_SECONDS = 2.0
 HEARTBEAT_SECONDS = 0.2
 RETRY_SECONDS = 0.2

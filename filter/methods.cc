@@ -52,7 +52,9 @@ struct Entry {
   MethodInfo info;
   std::vector<std::string> channels;
   bool reads_edges = true;
-  std::function<Picture(const FilmView& film, absl::Span<const float> values, TaskPool* pool)> filter;
+  std::function<Picture(const FilmView& film, absl::Span<const float> values, TaskPool* pool,
+                        const FilterProgress& progress)>
+      filter;
   /// Empty: the method does not know the deviation of its picture.
   std::function<FilteredPicture(const Frame& frame, FilterPurpose purpose, TaskPool* pool)> with_deviation =
       {};
@@ -67,8 +69,9 @@ std::vector<Entry> ListEntries() {
         .parameters = {}},
        FilterChannels(),
        true,
-       [](const FilmView& film, Values, TaskPool* pool) {
-         return Denoise(Frame(film.pixels, film.edges, film.fragments), pool);
+       [](const FilmView& film, Values, TaskPool* pool, const FilterProgress& progress) {
+         return Denoise(Frame(film.pixels, film.edges, film.fragments), pool,
+                        {.off = {}, .progress = progress});
        },
        [](const Frame& frame, FilterPurpose purpose, TaskPool* pool) {
          return purpose == FilterPurpose::kEstimate ? DenoiseToEstimate(frame, pool)
@@ -81,7 +84,7 @@ std::vector<Entry> ListEntries() {
         .uses_auxiliary = false},
        NoisyChannels(),
        false,
-       [](const FilmView& film, Values, TaskPool*) {
+       [](const FilmView& film, Values, TaskPool*, const FilterProgress&) {
          return ClonePicture(film.pixels.GetColor(layers::kNoisy));
        },
        [](const Frame& frame, FilterPurpose, TaskPool* pool) {
@@ -91,8 +94,10 @@ std::vector<Entry> ListEntries() {
   };
   for (const Baseline& baseline : Baselines()) {
     const bool uses_auxiliary = baseline.info.uses_auxiliary;
-    entries.push_back({baseline.info, uses_auxiliary ? FilterChannels() : NoisyChannels(), uses_auxiliary,
-                       baseline.filter});
+    entries.push_back(
+        {baseline.info, uses_auxiliary ? FilterChannels() : NoisyChannels(), uses_auxiliary,
+         [filter = baseline.filter](const FilmView& film, Values values, TaskPool* pool,
+                                    const FilterProgress&) { return filter(film, values, pool); }});
   }
   return entries;
 }
@@ -145,9 +150,10 @@ absl::Status CheckFilm(const FilmView& film, const Call& call) {
 }
 
 /// FilterFilm for a film that is one block.
-absl::StatusOr<Picture> FilterBlock(const FilmView& film, const Call& call, TaskPool* pool) {
+absl::StatusOr<Picture> FilterBlock(const FilmView& film, const Call& call, TaskPool* pool,
+                                    const FilterProgress& progress = nullptr) {
   if (absl::Status status = CheckFilm(film, call); !status.ok()) return status;
-  return call.method->filter(film, call.values, pool);
+  return call.method->filter(film, call.values, pool, progress);
 }
 
 /// ParseCall for a method that knows the deviation.
@@ -217,13 +223,20 @@ absl::StatusOr<Picture> FilterFilm(const LayeredImage& film, std::string_view me
 
 absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
                               const std::vector<std::string>& passed_on, TaskPool* pool, const RowSink& sink,
-                              const BlockParams& params, const ReadyBlocks& ready) {
+                              const BlockParams& params, const ReadyBlocks& ready,
+                              const FilterProgress& progress) {
   const absl::StatusOr<Call> call = ParseCall(method);
   if (!call.ok()) return call.status();
+  const BlockGrid grid(film->width(), film->height(), params);
+  const double blocks = grid.columns() * grid.rows();
+  double done = 0;
+  FilterProgress of_block = nullptr;
+  if (progress) of_block = [&](double share) { progress((done + share) / blocks); };
   const auto filter = [&](const EdgedImage& block) -> absl::StatusOr<std::vector<Picture>> {
     absl::StatusOr<Picture> picture =
-        FilterBlock({block.pixels, &block.edges, &block.fragments}, *call, pool);
+        FilterBlock({block.pixels, &block.edges, &block.fragments}, *call, pool, of_block);
     if (!picture.ok()) return picture.status();
+    ++done;
     std::vector<Picture> pictures;
     pictures.push_back(*std::move(picture));
     return pictures;

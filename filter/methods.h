@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "filter/baselines/method_info.h"
 #include "filter/blocks.h"
+#include "filter/denoise/stage.h"
 #include "filter/image/film_source.h"
 #include "filter/image/filtered_picture.h"
 #include "filter/image/layered_image.h"
@@ -67,11 +68,13 @@ absl::Status CheckDeviation(std::string_view method);
 
 /// FilterFilm for a film that need not be in memory as a whole. The picture's rows go to `sink` from the top
 /// down, as R G B and the film's channels named in `passed_on`. The bits are those of FilterFilm, also where
-/// blocks are `ready`, each with one picture: FilterFilm of its Input(), cut to its Output().
+/// blocks are `ready`, each with one picture: FilterFilm of its Input(), cut to its Output(). `progress`:
+/// empty, or is told the share of the blocks, and within one of its layers.
 /// Errors:  those of FilterFilm and FilterInBlocks.
 absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
                               const std::vector<std::string>& passed_on, TaskPool* pool, const RowSink& sink,
-                              const BlockParams& params = {}, const ReadyBlocks& ready = nullptr);
+                              const BlockParams& params = {}, const ReadyBlocks& ready = nullptr,
+                              const FilterProgress& progress = nullptr);
 
 /// FilterFilmInRows with its rows put together.
 absl::StatusOr<Picture> FilterFilmByRows(FilmSource* film, std::string_view method, TaskPool* pool,

@@ -77,11 +77,11 @@ using DisplayedReader = std::function<absl::StatusOr<LayeredImage>(const std::st
 
 /// Filters a film (channels of filter/image/layers.h) with `method` on `threads` threads. Passes R G B and
 /// the channels named in `passed_on` to `sink`, in bands of rows from the top down. For a film without
-/// halves, halves are made from its one picture.
+/// halves, halves are made from its one picture. `progress` is told the share that is done, between reads.
 /// Errors: those of filter::FilterFilmInRows.
-using FilmFilter =
-    std::function<absl::Status(FilmSource* film, const std::string& method, int threads,
-                               const std::vector<std::string>& passed_on, const RowSink& sink)>;
+using FilmFilter = std::function<absl::Status(FilmSource* film, const std::string& method, int threads,
+                                              const std::vector<std::string>& passed_on, const RowSink& sink,
+                                              const std::function<void(double share)>& progress)>;
 
 /// What the commands print about the filter's methods, made from filter::Methods().
 struct MethodTexts {

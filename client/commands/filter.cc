@@ -228,11 +228,16 @@ class IoClock {
 absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmFile* film,
                                   const Environment& environment) {
   const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
-  // Blocks of a large picture are finished one after the other, a small one is done at once.
-  ProgressState state = {.stage = "filtering", .unit = ProgressUnit::kTime};
+  constexpr int kSteps = 1000;
+  ProgressState state = {.stage = "filtering", .total = kSteps, .unit = ProgressUnit::kTime};
+  const auto show = [&](double share) {
+    state.done = std::max(state.done, static_cast<int64_t>(share * kSteps));
+    progress->Update(state);
+  };
   Output output;
   if (absl::Status status = output.Open(options, *film); !status.ok()) return status;
   IoClock io;
+  int written = 0;
   const auto before_read = [&] {
     if (environment.interrupted()) return absl::CancelledError("interrupted");
     io.Begin();
@@ -243,16 +248,15 @@ absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmFile* film,
     io.Begin();
     absl::Status status = output.Append(rows);
     io.End();
-    state.done += rows.height();
-    state.total = film->height();
-    progress->Update(state);
+    written += rows.height();
+    show(static_cast<double>(written) / film->height());
     return status;
   };
-  progress->Update(state);
+  show(0);
   const absl::Time start = rpc::MonotonicNow();
   absl::Status filtered =
       environment.local.film_filter(&timed, options.method, options.threads,
-                                    Output::PassedOn(*PictureFormatOf(options.output), *film), write);
+                                    Output::PassedOn(*PictureFormatOf(options.output), *film), write, show);
   if (!filtered.ok()) return filtered;
   const double seconds = absl::ToDoubleSeconds(rpc::MonotonicNow() - start - io.spent());
   if (absl::Status status = output.Finish(); !status.ok()) return status;

@@ -32,10 +32,11 @@ class FilmWithHalves final : public FilmSource {
 }  // namespace
 
 absl::Status FilterFilm(FilmSource* film, const std::string& method, int threads,
-                        const std::vector<std::string>& passed_on, const RowSink& sink) {
+                        const std::vector<std::string>& passed_on, const RowSink& sink,
+                        const std::function<void(double share)>& progress) {
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(threads);
   FilmWithHalves halved(film, pool.get());
-  return filter::FilterFilmInRows(&halved, method, passed_on, pool.get(), sink);
+  return filter::FilterFilmInRows(&halved, method, passed_on, pool.get(), sink, {}, nullptr, progress);
 }
 
 client::MethodTexts DescribeMethods() {

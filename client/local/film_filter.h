@@ -11,7 +11,8 @@ namespace lumifold::local {
 
 /// Implements client::FilmFilter with the filter library.
 absl::Status FilterFilm(FilmSource* film, const std::string& method, int threads,
-                        const std::vector<std::string>& passed_on, const RowSink& sink);
+                        const std::vector<std::string>& passed_on, const RowSink& sink,
+                        const std::function<void(double share)>& progress);
 
 /// The text of the `lumifold` program about the filter's methods.
 client::MethodTexts DescribeMethods();

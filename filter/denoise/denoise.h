@@ -17,6 +17,7 @@ namespace lumifold::filter {
 struct DenoiseOptions {
   SwitchedOff off;                             // as CheckSwitchedOff() allows
   StageWatch watch = {};                       // empty: nobody is told
+  FilterProgress progress = {};                // likewise
   std::function<void(Settings*)> adjust = {};  // changes the settings first; empty: they stay
 };
 

@@ -32,6 +32,9 @@ FilteredLayer FilterProduct(const FrameState& state, Product* product) {
 
 void RunFragments(FrameState* state) { state->fragments = FragmentsOf(state->frame); }
 
+/// What the stages after the layers take, in layers.
+constexpr int kLayersOfRest = 2;
+
 void RunLayers(FrameState* state) {
   const Frame& frame = state->frame;
   std::vector<Product> products = ProductsOf(frame, state->settings.products, state->pool);
@@ -42,10 +45,13 @@ void RunLayers(FrameState* state) {
   state->rest = WithoutEmission(frame, state->pool);
   SubtractEmissionOfHalves(state->fragments, &state->rest);
   if (state->watch) state->watch("layers");  // the stages of each layer tell of themselves
+  const double parts = static_cast<double>(products.size()) + kLayersOfRest;
+  double done = 0;
   for (Product& product : products) {
     const FilteredLayer layer = FilterProduct(*state, &product);
     AddFiltered(product, layer, state->pool, &state->rest, &state->change);
     AddReturned(frame, product, layer, state->pool, &state->returned);
+    if (state->progress) state->progress(++done / parts);
   }
 }
 

@@ -22,6 +22,7 @@ struct FrameState {
   const std::vector<LayerStage>& layer_stages;
   const SwitchedOff& off;
   const StageWatch& watch;
+  const FilterProgress& progress;
   TaskPool* pool;
 
   FragmentSet fragments;

@@ -17,7 +17,8 @@ Resources::Resources(const CoordinatorOptions& the_options, const DataFolder& th
       assets(the_assets),
       finisher(the_finisher),
       owner(std::move(the_owner)),
-      storage(options.wall_now, options.log) {
+      storage(options.wall_now, options.log),
+      webhooks(*webhooks::Webhooks::Open({}, {.log = options.log})) {
   storage.OnChange(options.notify.on_storage_change);
 }
 

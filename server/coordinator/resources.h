@@ -33,7 +33,7 @@ struct Resources {
   StorageState storage;
   monitoring::FarmTimings timings;
   Traffic traffic;
-  /// Set before anything runs.
+  /// Calls none, until the coordinator opens those of its options.
   std::unique_ptr<webhooks::Webhooks> webhooks;
 
   spdlog::logger& log() const { return *options.log; }

@@ -38,11 +38,11 @@ struct WebhookOptions {
 /// What a coordinator's Webhooks work with; all outlives them.
 struct Surroundings {
   /// Where the secret is if the options name no file.
-  std::string secret_path;
+  std::string secret_path = {};
   ledger::DeliveryQueue* queue = nullptr;
-  std::function<absl::Time()> wall_now;
-  std::function<uint64_t()> random;
-  std::shared_ptr<spdlog::logger> log;
+  std::function<absl::Time()> wall_now = {};
+  std::function<uint64_t()> random = {};
+  std::shared_ptr<spdlog::logger> log = {};
 };
 
 /// Pause before the next try of a message that has failed this often.

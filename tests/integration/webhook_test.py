@@ -209,13 +209,13 @@ class WebhookTest(unittest.TestCase):
         secret.write_text("0123456789abcdef0123456789abcdef\n")
         secret.chmod(0o600)
         command = [sys.executable, EXAMPLE, secret, "0"]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as receiver:
-            port = receiver.stdout.readline().split()[-1]
-            farm = self.farm("--webhook-hosts", f"127.0.0.1:{port}", "--webhook-secret", secret)
-            job = self.submit(farm, f"http://127.0.0.1:{port}/", "--paused", "--name", "chair")
-            farm.client("cancel", job)
-            self.assertEqual(receiver.stdout.readline(), f"{job} JOB_STATE_CANCELLED chair \n")
-            receiver.terminate()
+        receiver = self.enterContext(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
+        self.addCleanup(receiver.terminate)
+        port = receiver.stdout.readline().split()[-1]
+        farm = self.farm("--webhook-hosts", f"127.0.0.1:{port}", "--webhook-secret", secret)
+        job = self.submit(farm, f"http://127.0.0.1:{port}/", "--paused", "--name", "chair")
+        farm.client("cancel", job)
+        self.assertEqual(receiver.stdout.readline(), f"{job} JOB_STATE_CANCELLED chair \n")
         self.assertFalse((farm.data / "webhook.secret").exists())
 
 

@@ -34,5 +34,6 @@ class WithPostgres(unittest.TestCase):
 
     @classmethod
     def tearDownClass(cls):
+        del os.environ["LUMIFOLD_STORE"]  # the next class may be without
         cls.postgres.communicate()  # it ends with its input
         cls.folder.cleanup()

@@ -107,8 +107,11 @@ TEST_F(RunClientTest, FiltersAPictureForADisplayWithAWarning) {
     image.Get("G").At(2, 1) = 0.5f;
     return image;
   };
-  test_.environment.local.film_filter = [](FilmSource* film, const std::string&, int,
-                                           const std::vector<std::string>&, const RowSink& sink) {
+  test_.environment.local.film_filter = [this](FilmSource* film, const std::string&, int,
+                                               const std::vector<std::string>&, const RowSink& sink,
+                                               const std::function<void(double)>& progress) {
+    test_.time.now += absl::Seconds(4);
+    progress(0.25);
     absl::StatusOr<EdgedImage> read = film->Read({0, 0, 4, 3});
     if (!read.ok()) return read.status();
     EXPECT_EQ(read->pixels.Get("noisy.G").At(2, 1), 0.5f);
@@ -119,6 +122,7 @@ TEST_F(RunClientTest, FiltersAPictureForADisplayWithAWarning) {
   };
   EXPECT_EQ(Run({"filter", picture, "-o", folder_.File("out.exr")}), 0) << Err();
   EXPECT_THAT(Err(), testing::HasSubstr("photo.png: a picture for a display: light brighter than white"));
+  EXPECT_THAT(Err(), testing::HasSubstr("filtering 25%"));
   EXPECT_EQ(folder_.FileCount(), files + 1) << "the copy is removed";
   test_.environment.local.displayed_reader = nullptr;
   EXPECT_EQ(Run({"filter", picture, "-o", folder_.File("out.exr")}), 1);
@@ -130,9 +134,9 @@ TEST_F(RunClientTest, InterruptedFilteringLeavesNoFile) {
   image.AddColor("noisy");
   ASSERT_EQ(WriteExr(picture, image), absl::OkStatus());
   const int files = folder_.FileCount();
-  test_.environment.local.film_filter = [](FilmSource* film, const std::string&, int,
-                                           const std::vector<std::string>&,
-                                           const RowSink&) { return film->Read({0, 0, 4, 3}).status(); };
+  test_.environment.local.film_filter =
+      [](FilmSource* film, const std::string&, int, const std::vector<std::string>&, const RowSink&,
+         const std::function<void(double)>&) { return film->Read({0, 0, 4, 3}).status(); };
   test_.interrupted = true;
   EXPECT_EQ(Run({"filter", picture, "-o", folder_.File("out.exr")}), 130);
   EXPECT_THAT(Err(), testing::EndsWith("lumifold: interrupted\n"));

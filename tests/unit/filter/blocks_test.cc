@@ -152,6 +152,22 @@ TEST(FilterInBlocks, TellsWhatIsMissingAndStopsWhereTheSinkRefuses) {
   EXPECT_EQ(calls, 1);
 }
 
+TEST(FilterInBlocks, TellsTheShareThatIsDone) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(64, 128, 0.3f, 5);
+  for (const BlockParams& params : {BlockParams(), kSmall}) {
+    FilmInMemory film(synthetic.film);
+    std::vector<double> shares;
+    const absl::Status status = FilterFilmInRows(
+        &film, "default", {}, nullptr, [](const LayeredImage&) { return absl::OkStatus(); }, params, nullptr,
+        [&](double share) { shares.push_back(share); });
+    ASSERT_TRUE(status.ok()) << status;
+    EXPECT_GE(shares.size(), 2u);
+    EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
+    EXPECT_GT(shares.front(), 0);
+    EXPECT_LT(shares.back(), 1);
+  }
+}
+
 TEST(EdgesInside, KeepsThePixelsOfThePartAndCountsFromItsCorner) {
   LayeredImage edges(kSubSamples, 3);
   const FloatView x = edges.Add(layers::kPixelX);

@@ -62,6 +62,10 @@ TEST(FarmMetrics, EachFigureHasItsName) {
   metrics.traffic.assets_received = 16;
   metrics.traffic.results_sent = 17;
   metrics.traffic.assets_sent = 18;
+  metrics.webhooks.set_waiting(38);
+  metrics.webhooks.set_delivered(39);
+  metrics.webhooks.set_failed(40);
+  metrics.webhooks.set_given_up(41);
   metrics.storage.writable = false;
   metrics.storage.free_bytes = 19;
   metrics.storage.room_bytes = 20;
@@ -79,6 +83,8 @@ TEST(FarmMetrics, EachFigureHasItsName) {
                   Pair("received_bytes_total{units}", 15), Pair("received_bytes_total{results}", 37),
                   Pair("received_bytes_total{assets}", 16), Pair("sent_bytes_total{results}", 17),
                   Pair("sent_bytes_total{units}", 36), Pair("sent_bytes_total{assets}", 18),
+                  Pair("webhooks_waiting", 38), Pair("webhook_calls_total{delivered}", 39),
+                  Pair("webhook_calls_total{failed}", 40), Pair("webhook_calls_total{given_up}", 41),
                   Pair("storage_writable", 0), Pair("disk_free_bytes", 19), Pair("disk_room_bytes", 20)));
   metrics.storage.writable = true;
   EXPECT_EQ(SamplesOf(*monitoring::MakeFarmMetrics([&] { return metrics; }))["storage_writable"], 1);

@@ -203,6 +203,20 @@ Planes Remaining(const Planes& rest, const std::vector<LightLayer>& lights) {
   return left;
 }
 
+/// The mean of the pixels next to (x, y); unusable values count as 0.
+float MeanAround(const Plane& plane, int x, int y) {
+  float sum = 0;
+  int count = 0;
+  for (int j = std::max(y - 1, 0); j <= std::min(y + 1, plane.height() - 1); ++j) {
+    for (int i = std::max(x - 1, 0); i <= std::min(x + 1, plane.width() - 1); ++i) {
+      if (i == x && j == y) continue;
+      sum += UsableOr0(plane.At(i, j));
+      ++count;
+    }
+  }
+  return count > 0 ? sum / static_cast<float>(count) : 0.0f;
+}
+
 /// Takes single pixels that are far too bright in any layer out of it and of C: nothing tells without halves
 /// whether such light is noise, and each window that sees it would take all its light for noise. Result: what
 /// the other layers leave of C.
@@ -215,6 +229,7 @@ Planes TakeOutliers(const std::vector<LightLayer>& lights, TaskPool* pool, Layer
   const Planes whole = Remaining(reflected, lights);
   for (const LightLayer& layer : lights) CutOutliers(layer.light, pool);
   Planes rest = Remaining(reflected, lights);
+  const Planes cut = Clone(rest);
   const Planes before = ClonePlanes(frame.combined.mean);
   ForEachPixel(pool, film->width(), film->height(), [&](int x, int y) {
     const bool is_in_both = MagnitudeAt(whole, x, y) < MagnitudeAt(rest, x, y);
@@ -224,11 +239,12 @@ Planes TakeOutliers(const std::vector<LightLayer>& lights, TaskPool* pool, Layer
     const bool is_wrong = is_in_both || IsOutlier(MagnitudeAt(before, x, y), before, x, y);
     for (size_t c = 0; c < 3; ++c) {
       const float of_lights = reflected[c].At(x, y) - rest[c].At(x, y);
-      rest[c].At(x, y) = is_outlier ? 0.0f : left[c].At(x, y);
+      rest[c].At(x, y) = is_outlier ? MeanAround(cut[c], x, y) : left[c].At(x, y);
+      const float least = std::min(0.0f, UsableOr0(before[c].At(x, y)));  // rounding makes no light negative
       if (is_wrong)
-        noisy[c].At(x, y) = of_lights + UsableOr0(emission[c].At(x, y)) + rest[c].At(x, y);
+        noisy[c].At(x, y) = std::max(least, of_lights + UsableOr0(emission[c].At(x, y)) + rest[c].At(x, y));
       else  // C is as bright as around: E is wrong
-        emission[c].At(x, y) = std::max(0.0f, noisy[c].At(x, y) - of_lights);
+        emission[c].At(x, y) = std::max(0.0f, noisy[c].At(x, y) - of_lights - rest[c].At(x, y));
     }
   });
   return rest;

@@ -92,8 +92,11 @@ HWY_INLINE bool WeighPhases(const Phases& phases, const WeighArgs& args, const S
   bool found = false;
   for (size_t i = 0; i < n; ++i) {
     const auto is_near = hn::Lt(squares[i], hn::Set(d, kFarthest));
-    const Float weight = hn::IfThenElseZero(is_near, ExpOfNegative(hn::Neg(squares[i])));
-    AddTo(args.total + pixel(i), weight);
+    Float weight = hn::Zero(d);
+    if (!hn::AllFalse(d, is_near)) {
+      weight = hn::IfThenElseZero(is_near, ExpOfNegative(hn::Neg(squares[i])));
+      AddTo(args.total + pixel(i), weight);
+    }
     hn::StoreU(weight, d, args.weight + pixel(i));
     if (!kSplits || !HasMembers(*split, pixel(i))) continue;
     found = true;
@@ -147,7 +150,8 @@ HWY_INLINE void SlicePlanes(const Phases& phases, const SliceArgs& args, size_t 
   Float sums[m][n];
 #pragma GCC unroll 4
   for (size_t k = 0; k < m; ++k) {
-    for (size_t i = 0; i < n; ++i) sums[k][i] = hn::LoadU(d, args.sums[first + k] + pixel(i));
+    for (size_t i = 0; i < n; ++i)
+      sums[k][i] = args.adds ? hn::LoadU(d, args.sums[first + k] + pixel(i)) : hn::Zero(d);
   }
   for (size_t j = 0; j < args.manifolds; ++j, psi += args.planes * args.psi_stride) {
     Float weights[n];
@@ -169,8 +173,8 @@ HWY_INLINE void SlicePlanes(const Phases& phases, const SliceArgs& args, size_t 
 
 template <size_t n>
 HWY_INLINE void SlicePhases(const Phases& phases, const SliceArgs& args) {
-  for (int phase = 0; phase < phases.step; phase += static_cast<int>(n)) {
-    for (int c = 0; c < args.count; c += static_cast<int>(hn::Lanes(Floats()))) {
+  for (int c = 0; c < args.count; c += static_cast<int>(hn::Lanes(Floats()))) {
+    for (int phase = 0; phase < phases.step; phase += static_cast<int>(n)) {
       size_t k = 0;
       for (; k + 4 <= args.planes; k += 4) SlicePlanes<n, 4>(phases, args, k, phase, c);
       for (; k < args.planes; ++k) SlicePlanes<n, 1>(phases, args, k, phase, c);

@@ -89,7 +89,8 @@ struct SliceArgs {
   const float* psi;  // M * planes rows of cells, manifold by manifold, from one before the strip's first
   size_t psi_stride;
   size_t planes;
-  float* const* sums;           // `planes` rows of pixels: += sum over manifolds of weight * psi
+  float* const* sums;           // `planes` rows of pixels: sum over manifolds of weight * psi
+  bool adds;                    // to what is in them
   std::ptrdiff_t phase_stride;  // of the pixels
   int count;                    // cells
 };

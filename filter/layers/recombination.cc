@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <utility>
+#include <vector>
 
 namespace lumifold::filter {
 namespace {
@@ -27,6 +28,21 @@ void AddMixedPixels(const Rect& box, const FilteredLayer& layer, size_t h, size_
   }
 }
 
+/// A row of a half's layer, of the mean where the half has no samples.
+void TakeNoisy(const float* samples, const float* half, const float* mean, std::vector<float>* noisy) {
+  float* __restrict out = noisy->data();
+  for (size_t x = 0; x < noisy->size(); ++x) out[x] = samples[x] > 0 ? half[x] : mean[x];
+}
+
+/// rest -= light * factor but in mixed pixels; unusable values count as 0.
+void SubtractProduct(const std::vector<float>& light, const float* factor, const float* mixed,
+                     float* __restrict rest) {
+  for (size_t x = 0; x < light.size(); ++x) {
+    const float product = UsableOr0(light[x] * factor[x]);
+    rest[x] -= mixed[x] > 0 ? 0.0f : product;
+  }
+}
+
 void AddHalf(const Product& product, const FilteredLayer& layer, size_t h, TaskPool* pool, Planes* rest,
              Planes* change) {
   const Rect& box = product.box;
@@ -37,15 +53,25 @@ void AddHalf(const Product& product, const FilteredLayer& layer, size_t h, TaskP
   const int height = (*change)[0].height();
   Plane is_mixed(width, height);
   for (const LayerFragments::Pixel& p : layer.fragments.pixels) is_mixed.At(box.x0 + p.x, box.y0 + p.y) = 1;
+  const std::vector<float> ones(static_cast<size_t>(width), 1.0f);
   const bool has_factor = !product.factor[0].IsEmpty();
   for (size_t c = 0; c < 3; ++c) {
-    ForEachPixel(pool, width, height, [&](int x, int y) {
-      if (is_mixed.At(x, y) > 0) return;
-      const float noisy = count.At(x, y) > 0 ? half[c].At(x, y) : product.mean[c].At(x, y);
-      const float factor = has_factor ? product.factor[c].At(x, y) : 1.0f;
-      if (rest != nullptr) (*rest)[c].At(x, y) -= UsableOr0(noisy * factor);
-      if (!box.Contains(x, y) || !(product.validity.At(x - box.x0, y - box.y0) > 0)) return;
-      (*change)[c].At(x, y) += UsableOr0((after[c].At(x - box.x0, y - box.y0) - noisy) * factor);
+    ForEachBand(pool, height, [&](int, int y0, int y1) {
+      std::vector<float> noisy(static_cast<size_t>(width));
+      for (int y = y0; y < y1; ++y) {
+        const float* mixed = is_mixed.Row(y);
+        const float* factor = has_factor ? product.factor[c].Row(y) : ones.data();
+        TakeNoisy(count.Row(y), half[c].Row(y), product.mean[c].Row(y), &noisy);
+        if (rest != nullptr) SubtractProduct(noisy, factor, mixed, (*rest)[c].Row(y));
+        if (y < box.y0 || y >= box.y1) continue;
+        const float* valid = product.validity.Row(y - box.y0);
+        const float* filtered = after[c].Row(y - box.y0);
+        float* __restrict out = (*change)[c].Row(y);
+        for (int x = box.x0; x < box.x1; ++x) {
+          const float by = UsableOr0((filtered[x - box.x0] - noisy[static_cast<size_t>(x)]) * factor[x]);
+          out[x] += mixed[x] > 0 || !(valid[x - box.x0] > 0) ? 0.0f : by;
+        }
+      }
     });
     AddMixedPixels(box, layer, h, c, rest, change);
   }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <utility>
+#include <vector>
 
 #include "filter/image/check.h"
 
@@ -83,23 +84,27 @@ void AddMoments(Planes* splat) {
   planes.pop_back();
   for (size_t i = kPlaneSignals; i < kMoments; ++i)
     planes.push_back(Plane::Uninitialized(weight.width(), weight.height()));
+  std::vector<float> x(static_cast<size_t>(weight.width())), y(x.size());
   for (int row = 0; row < weight.height(); ++row) {
-    for (int column = 0; column < weight.width(); ++column) {
-      const float w = weight.At(column, row);
+    const float* w = weight.Row(row);
+    const float* sum_x = planes[kColors].Row(row);
+    const float* sum_y = planes[kColors + 1].Row(row);
+    for (size_t i = 0; i < x.size(); ++i) {
       // Denormal weights have no finite inverse.
-      const float inverse = w >= std::numeric_limits<float>::min() ? 1.0f / w : 0.0f;
-      const float sum_x = planes[kColors].At(column, row);
-      const float sum_y = planes[kColors + 1].At(column, row);
-      const float x = sum_x * inverse;
-      const float y = sum_y * inverse;
-      size_t plane = kPlaneSignals;
-      const auto put = [&](float value) { planes[plane++].At(column, row) = value; };
-      for (size_t c = 0; c < kColors; ++c) put(x * planes[c].At(column, row));
-      for (size_t c = 0; c < kColors; ++c) put(y * planes[c].At(column, row));
-      put(x * sum_x);
-      put(x * sum_y);
-      put(y * sum_y);
+      const float inverse = w[i] >= std::numeric_limits<float>::min() ? 1.0f / w[i] : 0.0f;
+      x[i] = sum_x[i] * inverse;
+      y[i] = sum_y[i] * inverse;
     }
+    size_t plane = kPlaneSignals;
+    const auto put = [&](const std::vector<float>& place, const float* signal) {
+      float* __restrict to = planes[plane++].Row(row);
+      for (size_t i = 0; i < place.size(); ++i) to[i] = place[i] * signal[i];
+    };
+    for (size_t c = 0; c < kColors; ++c) put(x, planes[c].Row(row));
+    for (size_t c = 0; c < kColors; ++c) put(y, planes[c].Row(row));
+    put(x, sum_x);
+    put(x, sum_y);
+    put(y, sum_y);
   }
   planes.push_back(std::move(weight));
   *splat = std::move(planes);

@@ -26,8 +26,8 @@ Planes WithPosition(const Planes& light, float unit_px, TaskPool* pool);
 void AddMoments(Planes* splat);
 
 /// The fitted plane's value at each pixel. `means`: the moments, blurred, sliced and divided by the weight;
-/// `x`, `y`: the pixels' positions, those of WithPosition(), in the same order; `ridge` is added to the variances of positions. Result: 3 planes; the pixel's own light where the filter
-/// found nothing.
+/// `x`, `y`: the pixels' positions, those of WithPosition(), in the same order; `ridge` is added to the
+/// variances of positions. Result: 3 planes; the pixel's own light where the filter found nothing.
 /// Threads: identical for any pool.
 Planes FitLight(const Planes& means, const Plane& x, const Plane& y, float ridge, TaskPool* pool);
 

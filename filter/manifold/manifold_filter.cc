@@ -220,12 +220,7 @@ std::vector<Planes> Filter::Blur(const Level& level, std::vector<Planes> splats)
 void Filter::Slice(const WeighedLevel& at, const std::vector<Planes>& psi, bool is_first) {
   ForEachBand(pool_, lattice_.height, [&](int, int y0, int y1) {
     StripSlice slice(at.level.weights, psi, lattice_, phases_);
-    for (int y = y0; y < y1; ++y) {
-      for (Plane& sums : result_.filtered) {
-        if (is_first) std::fill_n(sums.Row(y), sums.width(), 0.0f);
-      }
-      slice.PixelRow(y, &result_.filtered);
-    }
+    for (int y = y0; y < y1; ++y) slice.PixelRow(y, !is_first, &result_.filtered);
   });
   if (points_.has_value()) points_->Slice(psi, at.points, pool_, &result_.points);
 }

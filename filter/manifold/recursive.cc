@@ -10,8 +10,10 @@
 namespace lumifold::filter {
 namespace {
 
-constexpr int kRowsPerTask = 16;
-constexpr int kColumnsPerTask = 128;
+/// Rows blurred before they are pulled down: they stay in the cache meanwhile.
+constexpr int kRowsTogether = 32;
+/// Signals of one task: as many as rows are recursed side by side.
+constexpr size_t kSignalsPerTask = 4;
 
 /// A blur along a guide.
 class GuidedBlur {
@@ -21,23 +23,26 @@ class GuidedBlur {
         guide_(guide),
         signals_(signals),
         blurred_(MakeUninitializedPlanes(signals.size(), guide[0].width(), guide[0].height())),
+        across_(Plane::Uninitialized(guide[0].width(), guide[0].height())),
         down_(Plane::Uninitialized(guide[0].width(), guide[0].height())) {}
 
-  /// Rows [y0, y1), all of them together, and their links to the rows above.
-  void Rows(int y0, int y1);
-  /// Then columns [x0, x1), side by side.
-  void Columns(int x0, int x1);
+  /// The links of rows [y0, y1) of cells along them and with the rows above.
+  void Link(int y0, int y1);
+  /// Then signals [first, last).
+  void Blur(size_t first, size_t last);
   Planes Take() { return std::move(blurred_); }
 
  private:
   /// The links of the cells from (x, y) to the row's end with those (dx, dy) from them.
   void Link(int x, int y, int dx, int dy, float* links) const;
+  void BlurRows(size_t first, size_t last, int y0, int y1);
 
   const LinkReach reach_;
   const Planes& guide_;
   const Planes& signals_;
   Planes blurred_;
-  Plane down_;  // links of each cell with the one above
+  Plane across_;  // links of each cell with the one to the left
+  Plane down_;    // with the one above
 };
 
 void GuidedBlur::Link(int x, int y, int dx, int dy, float* links) const {
@@ -49,32 +54,40 @@ void GuidedBlur::Link(int x, int y, int dx, int dy, float* links) const {
   LinkRow({here.data(), there.data(), guide_.size(), guide_[0].width() - x}, reach_, links);
 }
 
-void GuidedBlur::Rows(int y0, int y1) {
-  const int width = guide_[0].width();
-  Plane across = Plane::Uninitialized(width, y1 - y0);
+void GuidedBlur::Link(int y0, int y1) {
+  for (int y = y0; y < y1; ++y) {
+    Link(1, y, -1, 0, across_.Row(y) + 1);
+    if (y > 0) Link(0, y, 0, -1, down_.Row(y));
+  }
+}
+
+void GuidedBlur::BlurRows(size_t first, size_t last, int y0, int y1) {
   std::vector<const float*> from, weights;
   std::vector<float*> to;
-  for (int y = y0; y < y1; ++y) {
-    Link(1, y, -1, 0, across.Row(y - y0) + 1);
-    if (y > 0) Link(0, y, 0, -1, down_.Row(y));
-    weights.push_back(across.Row(y - y0));
-  }
-  for (size_t c = 0; c < signals_.size(); ++c) {
+  for (int y = y0; y < y1; ++y) weights.push_back(across_.Row(y));
+  for (size_t c = first; c < last; ++c) {
     for (int y = y0; y < y1; ++y) {
       from.push_back(signals_[c].Row(y));
       to.push_back(blurred_[c].Row(y));
     }
   }
-  RecurseRows({from.data(), to.data(), signals_.size(), weights.size(), width}, weights.data());
+  RecurseRows({from.data(), to.data(), last - first, weights.size(), across_.width()}, weights.data());
 }
 
-void GuidedBlur::Columns(int x0, int x1) {
-  const int height = guide_[0].height();
-  for (Plane& plane : blurred_) {
-    for (int y = 1; y < height; ++y)
-      PullRow(down_.Row(y) + x0, plane.Row(y - 1) + x0, x1 - x0, plane.Row(y) + x0);
-    for (int y = height - 2; y >= 0; --y)
-      PullRow(down_.Row(y + 1) + x0, plane.Row(y + 1) + x0, x1 - x0, plane.Row(y) + x0);
+void GuidedBlur::Blur(size_t first, size_t last) {
+  const int width = across_.width();
+  const int height = across_.height();
+  for (int y0 = 0; y0 < height; y0 += kRowsTogether) {
+    const int y1 = std::min(y0 + kRowsTogether, height);
+    BlurRows(first, last, y0, y1);
+    for (size_t c = first; c < last; ++c) {
+      for (int y = std::max(y0, 1); y < y1; ++y)
+        PullRow(down_.Row(y), blurred_[c].Row(y - 1), width, blurred_[c].Row(y));
+    }
+  }
+  for (int y = height - 2; y >= 0; --y) {
+    for (size_t c = first; c < last; ++c)
+      PullRow(down_.Row(y + 1), blurred_[c].Row(y + 1), width, blurred_[c].Row(y));
   }
 }
 
@@ -88,27 +101,27 @@ void LowPass(float sigma, Plane* plane) {
   std::vector<float*> rows;
   rows.reserve(static_cast<size_t>(height));
   for (int y = 0; y < height; ++y) rows.push_back(plane->Row(y));
-  RecurseRowsEvenly({rows.data(), rows.data(), 1, rows.size(), width}, weight);
-  for (int x0 = 0; x0 < width; x0 += kColumnsPerTask) {  // side by side as many as stay in the cache
-    const int count = std::min(kColumnsPerTask, width - x0);
-    for (int y = 1; y < height; ++y) PullRowEvenly(weight, plane->Row(y - 1) + x0, count, plane->Row(y) + x0);
-    for (int y = height - 2; y >= 0; --y)
-      PullRowEvenly(weight, plane->Row(y + 1) + x0, count, plane->Row(y) + x0);
+  for (int y0 = 0; y0 < height; y0 += kRowsTogether) {
+    const int y1 = std::min(y0 + kRowsTogether, height);
+    float* const* block = rows.data() + y0;
+    RecurseRowsEvenly({block, block, 1, static_cast<size_t>(y1 - y0), width}, weight);
+    for (int y = std::max(y0, 1); y < y1; ++y) PullRowEvenly(weight, plane->Row(y - 1), width, plane->Row(y));
   }
+  for (int y = height - 2; y >= 0; --y) PullRowEvenly(weight, plane->Row(y + 1), width, plane->Row(y));
 }
 
 Planes GuidedLowPass(float sigma, float range, const Planes& guide, const Planes& signals, TaskPool* pool) {
-  const int width = guide[0].width();
   const int height = guide[0].height();
   GuidedBlur blur(sigma, range, guide, signals);
-  ParallelFor(pool, (height + kRowsPerTask - 1) / kRowsPerTask, [&](int64_t task) {
-    const int y0 = static_cast<int>(task) * kRowsPerTask;
-    blur.Rows(y0, std::min(y0 + kRowsPerTask, height));
+  ParallelFor(pool, (height + kRowsTogether - 1) / kRowsTogether, [&](int64_t task) {
+    const int y0 = static_cast<int>(task) * kRowsTogether;
+    blur.Link(y0, std::min(y0 + kRowsTogether, height));
   });
-  ParallelFor(pool, (width + kColumnsPerTask - 1) / kColumnsPerTask, [&](int64_t task) {
-    const int x0 = static_cast<int>(task) * kColumnsPerTask;
-    blur.Columns(x0, std::min(x0 + kColumnsPerTask, width));
-  });
+  ParallelFor(pool, static_cast<int64_t>((signals.size() + kSignalsPerTask - 1) / kSignalsPerTask),
+              [&](int64_t task) {
+                const size_t first = static_cast<size_t>(task) * kSignalsPerTask;
+                blur.Blur(first, std::min(first + kSignalsPerTask, signals.size()));
+              });
   return blur.Take();
 }
 

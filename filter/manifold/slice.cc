@@ -22,7 +22,7 @@ StripSlice::StripSlice(const Planes& weights, const std::vector<Planes>& psi, co
       weight_rows_(psi.size()),
       sum_rows_(planes_) {}
 
-void StripSlice::PixelRow(int y, Planes* sums) {
+void StripSlice::PixelRow(int y, bool adds, Planes* sums) {
   const CellSpan span = SpanOf(y, lattice_.step, lattice_.Rows());
   for (size_t i = 0; i < upper_.size(); ++i) {
     const Plane& cells = psi_[i / planes_][i % planes_];
@@ -36,7 +36,7 @@ void StripSlice::PixelRow(int y, Planes* sums) {
     for (size_t i = 0; i < weight_rows_.size(); ++i) weight_rows_[i] = weights_[i].Row(y) + column;
     for (size_t c = 0; c < planes_; ++c) sum_rows_[c] = (*sums)[c].Row(y) + column;
     SliceRow(phases_, {weight_rows_.data(), weight_rows_.size(), cells_.data(), kPsiStride, planes_,
-                       sum_rows_.data(), lattice_.PhaseStride(), count});
+                       sum_rows_.data(), adds, lattice_.PhaseStride(), count});
   }
 }
 

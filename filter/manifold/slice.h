@@ -18,8 +18,8 @@ class StripSlice {
   StripSlice(const Planes& weights, const std::vector<Planes>& psi, const Lattice& lattice,
              const Phases& phases);
 
-  /// (*sums)[c] += sum over manifolds of w * psi, in pixel row y.
-  void PixelRow(int y, Planes* sums);
+  /// (*sums)[c] = sum over manifolds of w * psi, in pixel row y; += if `adds`.
+  void PixelRow(int y, bool adds, Planes* sums);
 
  private:
   const Planes& weights_;

@@ -12,8 +12,8 @@ namespace lumifold::filter {
 /// Source:  Gastal & Oliveira 2012, splatting, Eq. (3), with box means onto cells.
 class StripSplat {
  public:
-  /// Rows of pixels are ordered by phase. `weights`: of the pixels, for each manifold. `splats`: for each manifold, per cell: mean of mask * w * f
-  /// of each signal, and of mask * w.
+  /// Rows of pixels are ordered by phase. `weights`: of the pixels, for each manifold. `splats`: for each
+  /// manifold, per cell: mean of mask * w * f of each signal, and of mask * w.
   StripSplat(const Planes& signals, const Plane& mask, const Planes& weights, const Lattice& lattice,
              std::vector<Planes>* splats);
 

@@ -88,6 +88,7 @@ void SliceRow(const Phases& phases, const SliceArgs& args) {
       const int phase = i / args.count;
       const int c = i % args.count;
       const std::ptrdiff_t x = phase * args.phase_stride + c;
+      if (!args.adds) args.sums[k][x] = 0;
       for (size_t j = 0; j < args.manifolds; ++j) {
         const float* psi = args.psi + (j * args.planes + k) * args.psi_stride;
         args.sums[k][x] += args.weights[j][x] * Widened(phases, psi, phase, c);

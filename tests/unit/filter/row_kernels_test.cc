@@ -120,15 +120,18 @@ TEST_F(RowKernels, SliceRowEqualsItsOracleOnEachTarget) {
     for (const int step : kSteps) {
       for (const int count : kCounts) {
         if (count * step > kStripColumns) continue;
-        std::vector<Row> fast = start;
-        std::vector<Row> slow = start;
-        const auto fast_rows = Pointers<float*>(fast);
-        const auto slow_rows = Pointers<float*>(slow);
-        SliceRow(Phases(step), {weight_rows.data(), kManifolds, psi.data(), kRoom, kPlanes, fast_rows.data(),
-                                PhaseStride(step), count});
-        oracle::SliceRow(Phases(step), {weight_rows.data(), kManifolds, psi.data(), kRoom, kPlanes,
-                                        slow_rows.data(), PhaseStride(step), count});
-        for (int phase = 0; phase < step; ++phase) ExpectSame(fast, slow, count, phase * PhaseStride(step));
+        for (const bool adds : {false, true}) {
+          std::vector<Row> fast = start;
+          std::vector<Row> slow = start;
+          const auto run = [&](void (*kernel)(const Phases&, const SliceArgs&), std::vector<Row>* sums) {
+            const auto sum_rows = Pointers<float*>(*sums);
+            kernel(Phases(step), {weight_rows.data(), kManifolds, psi.data(), kRoom, kPlanes, sum_rows.data(),
+                                  adds, PhaseStride(step), count});
+          };
+          run(SliceRow, &fast);
+          run(oracle::SliceRow, &slow);
+          for (int phase = 0; phase < step; ++phase) ExpectSame(fast, slow, count, phase * PhaseStride(step));
+        }
       }
     }
   });
@@ -227,7 +230,7 @@ TEST(Phases, ReadALinearRampExactlyBetweenCellCentres) {
     const float* weights = ones.data();
     float* out = sums.data();
     SliceRow(Phases(step),
-             {&weights, 1, cells.data(), kRoom, 1, &out, PhaseStride(step), kStripColumns / step});
+             {&weights, 1, cells.data(), kRoom, 1, &out, false, PhaseStride(step), kStripColumns / step});
     for (int x = 0; x < kStripColumns; ++x)
       ASSERT_NEAR(out[x % step * PhaseStride(step) + x / step], static_cast<float>(x), 1e-4f) << step;
   }

@@ -83,10 +83,17 @@ class ModelGrid {
         for (size_t s = 0; s < kSignals; ++s) sum[s] += term * model[i * kSignals + s];
       }
     };
-    const auto has_model = [&](size_t i) { return model_of_[i] >= 0; };
-    ForEachSimilar(at, has_model, [&](size_t i, float weight) {
+    const auto add_model_of = [&](size_t i, float weight) {
       add(models_[static_cast<size_t>(model_of_[i])], samples_[i], weight);
-    });
+    };
+    const Rect window = WindowOf(at);
+    for (int y = FirstModelFrom(window.y0); y < window.y1; y += kModelStep) {
+      for (int x = FirstModelFrom(window.x0); x < window.x1; x += kModelStep) {
+        for (size_t i = FirstOf(x, y); i < EndOf(x, y); ++i) {
+          if (model_of_[i] >= 0) IfSimilar(at, i, add_model_of);
+        }
+      }
+    }
     if (model_of_[sample] < 0 && total < kMinModelWeight) {
       if (const std::optional<Model> own = FitAt(at); own.has_value()) add(*own, at, kMinModelWeight - total);
     }
@@ -128,32 +135,36 @@ class ModelGrid {
 
   std::optional<Model> FitAt(const Sample& centre) const {
     LinearFit<kTerms, kSignals> fit(params_.slope);
-    const auto counts = [&](size_t i) { return samples_[i].weight > 0; };
-    ForEachSimilar(centre, counts, [&](size_t i, float weight) {
+    const auto add = [&](size_t i, float weight) {
       fit.Add(samples_[i].fit, centre.fit, weight * samples_[i].weight);
-    });
+    };
+    const Rect window = WindowOf(centre);
+    for (int y = window.y0; y < window.y1; ++y) {
+      for (size_t i = FirstOf(window.x0, y); i < EndOf(window.x1 - 1, y); ++i) {
+        if (samples_[i].weight > 0) IfSimilar(centre, i, add);
+      }
+    }
     if (fit.IsEmpty()) return std::nullopt;
     return fit.Solve();
   }
 
-  /// Calls body(i, weight) for the samples of the window around one for which is_wanted(i) is true. Weights
-  /// are nearly those of a normal curve, and fall to 0 without a step, so that rounding changes no sum by
-  /// much.
-  template <typename Wanted, typename Body>
-  void ForEachSimilar(const Sample& centre, const Wanted& is_wanted, const Body& body) const {
+  Rect WindowOf(const Sample& centre) const {
+    return Inflate({centre.x, centre.y, centre.x + 1, centre.y + 1}, radius_, bounds_);
+  }
+
+  static int FirstModelFrom(int place) { return (place + kModelStep - 1) / kModelStep * kModelStep; }
+
+  /// Calls body(i, weight) if sample i, of the window around `centre`, has weight there. Weights are nearly
+  /// those of a normal curve, and fall to 0 without a step, so that rounding changes no sum by much.
+  template <typename Body>
+  void IfSimilar(const Sample& centre, size_t i, const Body& body) const {
     const float falloff = 1.0f / (params_.sigma_px * params_.sigma_px);
-    const Rect window = Inflate({centre.x, centre.y, centre.x + 1, centre.y + 1}, radius_, bounds_);
-    for (int y = window.y0; y < window.y1; ++y) {
-      for (size_t i = FirstOf(window.x0, y); i < EndOf(window.x1 - 1, y); ++i) {
-        if (!is_wanted(i)) continue;
-        const int dx = samples_[i].x - centre.x;
-        const int dy = samples_[i].y - centre.y;
-        const float square =
-            falloff * static_cast<float>(dx * dx + dy * dy) + SquaredDistance(samples_[i], centre);
-        const float part = 1.0f - square / kMaxSquare;
-        if (part > 0) body(i, part * part * part);
-      }
-    }
+    const int dx = samples_[i].x - centre.x;
+    const int dy = samples_[i].y - centre.y;
+    const float square =
+        falloff * static_cast<float>(dx * dx + dy * dy) + SquaredDistance(samples_[i], centre);
+    const float part = 1.0f - square / kMaxSquare;
+    if (part > 0) body(i, part * part * part);
   }
 
   static float SquaredDistance(const Sample& a, const Sample& b) {

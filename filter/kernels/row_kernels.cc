@@ -186,8 +186,40 @@ HWY_ATTR void SliceRow(const Phases& phases, const SliceArgs& args) {
   return phases.step >= 4 ? SlicePhases<2>(phases, args) : SlicePhases<1>(phases, args);
 }
 
-HWY_ATTR void AddRows(const float* a, const float* b, float scale, int count, float* to) {
-  for (int x = 0; x < count; ++x) to[x] = scale * (a[x] + b[x]);
+HWY_ATTR void SumFourPhases(float* sums, std::ptrdiff_t stride, float scale, int count,
+                            float* HWY_RESTRICT means) {
+  float* HWY_RESTRICT first = sums;
+  float* HWY_RESTRICT second = sums + stride;
+  float* HWY_RESTRICT third = sums + 2 * stride;
+  float* HWY_RESTRICT fourth = sums + 3 * stride;
+  for (int c = 0; c < count; ++c) {
+    means[c] = scale * ((first[c] + second[c]) + (third[c] + fourth[c]));
+    first[c] = second[c] = third[c] = fourth[c] = 0;
+  }
+}
+
+HWY_ATTR void SumTwoPhases(float* sums, std::ptrdiff_t stride, float scale, int count,
+                           float* HWY_RESTRICT means) {
+  float* HWY_RESTRICT first = sums;
+  float* HWY_RESTRICT second = sums + stride;
+  for (int c = 0; c < count; ++c) {
+    means[c] = scale * (first[c] + second[c]);
+    first[c] = second[c] = 0;
+  }
+}
+
+HWY_ATTR void SumPhases(float* sums, std::ptrdiff_t stride, int step, float scale, int count, float* means) {
+  for (; step > 4; step /= 2) {
+    for (int j = 0; j < step / 2; ++j) {
+      for (int c = 0; c < count; ++c)
+        sums[j * stride + c] = sums[2 * j * stride + c] + sums[(2 * j + 1) * stride + c];
+    }
+    for (int j = step / 2; j < step; ++j) std::fill_n(sums + j * stride, count, 0.0f);
+  }
+  if (step == 4) return SumFourPhases(sums, stride, scale, count, means);
+  if (step == 2) return SumTwoPhases(sums, stride, scale, count, means);
+  for (int c = 0; c < count; ++c) means[c] = scale * sums[c];
+  std::fill_n(sums, count, 0.0f);
 }
 
 HWY_INLINE void BlendRow(const float* upper, const float* lower, float fraction, int begin, int end,
@@ -325,7 +357,7 @@ namespace lumifold::filter {
 HWY_EXPORT(WeighRow);
 HWY_EXPORT(SplatRow);
 HWY_EXPORT(SliceRow);
-HWY_EXPORT(AddRows);
+HWY_EXPORT(SumPhases);
 HWY_EXPORT(BlendCells);
 HWY_EXPORT(AddProductRow);
 HWY_EXPORT(QuotientRow);
@@ -358,8 +390,8 @@ bool WeighRow(const Phases& phases, const WeighArgs& args, const SplitArgs* spli
 }
 bool SplatRow(const SplatArgs& args) { return HWY_DYNAMIC_DISPATCH(SplatRow)(args); }
 void SliceRow(const Phases& phases, const SliceArgs& args) { HWY_DYNAMIC_DISPATCH(SliceRow)(phases, args); }
-void AddRows(const float* a, const float* b, float scale, int count, float* to) {
-  HWY_DYNAMIC_DISPATCH(AddRows)(a, b, scale, count, to);
+void SumPhases(float* sums, std::ptrdiff_t stride, int step, float scale, int count, float* means) {
+  HWY_DYNAMIC_DISPATCH(SumPhases)(sums, stride, step, scale, count, means);
 }
 void BlendCells(const BlendArgs& args) { HWY_DYNAMIC_DISPATCH(BlendCells)(args); }
 void AddProductRow(const float* a, const float* b, int count, float* sums) {

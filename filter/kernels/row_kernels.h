@@ -103,8 +103,8 @@ bool SplatRow(const SplatArgs& args);
 void SliceRow(const Phases& phases, const SliceArgs& args);
 /// sums[x] += a[x] * b[x], rows of pixels.
 void AddProductRow(const float* a, const float* b, int count, float* sums);
-/// to[x] = scale * (a[x] + b[x]); `to` may be `a`.
-void AddRows(const float* a, const float* b, float scale, int count, float* to);
+/// means[c] = scale times the sum of a strip's phases at cell c, added pair by pair; the strip becomes 0.
+void SumPhases(float* sums, std::ptrdiff_t stride, int step, float scale, int count, float* means);
 /// sums[x] /= total[x]; instead[x] where the total is below `least`.
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums);
 /// Rows of pixels under a window: `rows` of them, and `row_taps` factors for each, one row's after another's.

@@ -48,17 +48,11 @@ Plane InOrder(const Plane& by_phase, const Lattice& lattice, TaskPool* pool) {
 
 void StoreCellMeans(const Lattice& lattice, int row, int column, int count, float* sums, float* cells) {
   const int rows = lattice.RowHeight(row);
-  const int stride = lattice.SumStride();
   const bool are_whole = rows == lattice.step && lattice.ColumnWidth(column + count - 1) == lattice.step;
   // The area of whole cells is a power of two: its inverse gives the quotient's bits.
   const float scale = are_whole ? 1.0f / static_cast<float>(lattice.step * rows) : 1.0f;
   float* means = cells + column;
-  if (lattice.step == 1) std::copy_n(sums, count, means);
-  for (int pairs = lattice.step / 2; pairs >= 1; pairs /= 2) {
-    for (int j = 0; j < pairs; ++j)
-      AddRows(sums + 2 * j * stride, sums + (2 * j + 1) * stride, pairs == 1 ? scale : 1.0f, count,
-              pairs == 1 ? means : sums + j * stride);
-  }
+  SumPhases(sums, lattice.SumStride(), lattice.step, scale, count, means);
   for (int c = 0; c < count && !are_whole; ++c)
     means[c] /= static_cast<float>(lattice.ColumnWidth(column + c) * rows);
 }

@@ -57,7 +57,7 @@ struct CellSpan {
 CellSpan SpanOf(int p, int step, int cells);
 
 /// The means over `count` cells of row `row` from cell `column` on, into `cells`, the row's first cell.
-/// `sums`: a strip of the sums over the rows of pixels; overwritten.
+/// `sums`: a strip of the sums over the rows of pixels; becomes 0.
 void StoreCellMeans(const Lattice& lattice, int row, int column, int count, float* sums, float* cells);
 
 }  // namespace lumifold::filter

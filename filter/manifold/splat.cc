@@ -25,7 +25,6 @@ void StripSplat::CellRow(int row) {
 
 void StripSplat::Strip(size_t manifold, int row, int column) {
   const int count = lattice_.CellsFrom(column);
-  std::fill(sums_.begin(), sums_.end(), 0.0f);
   bool has_weight = false;
   for (int y = row * lattice_.step; y < row * lattice_.step + lattice_.RowHeight(row); ++y) {
     for (int j = 0; j < lattice_.step; ++j) {

@@ -27,7 +27,7 @@ class StripSplat {
   const Planes& weights_;
   const Lattice& lattice_;
   std::vector<Planes>& splats_;
-  std::vector<float> sums_;  // a strip a signal, and one of the weights
+  std::vector<float> sums_;  // a strip a signal, and one of the weights; 0 between cells' rows
   std::vector<float*> sum_rows_;
   std::vector<const float*> signal_rows_;
 };

@@ -48,7 +48,6 @@ void StripWeigh::CellRow(int row) {
 void StripWeigh::Strip(size_t manifold, int row, int column) {
   const int count = lattice_.CellsFrom(column);
   const bool splits = !level_.children.empty();
-  if (splits) std::fill(sums_.begin(), sums_.end(), 0.0f);
   bool has_members = false;
   for (int y = row * lattice_.step; y < row * lattice_.step + lattice_.RowHeight(row); ++y)
     has_members |= PixelRow(manifold, y, column);
@@ -103,7 +102,6 @@ void RootCellRow(const Planes& features, const Lattice& lattice, const Clusters&
     const int count = lattice.CellsFrom(column);
     for (size_t k = 0; k <= features.size(); ++k) {
       const bool is_weight = k == features.size();
-      std::fill(strip.begin(), strip.end(), 0.0f);
       for (int y = row * lattice.step; y < row * lattice.step + lattice.RowHeight(row); ++y) {
         for (int j = 0; j < lattice.step; ++j) {
           const int x = j * lattice.PhaseStride() + column;

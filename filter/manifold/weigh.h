@@ -46,7 +46,7 @@ class StripWeigh {
   const Phases& phases_;
   Clusters& clusters_;
   Level& level_;
-  std::vector<float> sums_;  // strips: d + 1 of each of two children
+  std::vector<float> sums_;  // strips: d + 1 of each of two children; 0 between cells' rows
   std::vector<float*> sum_rows_;
   std::vector<float> eta_;  // a row of cells a feature
   std::vector<const float*> upper_, lower_, feature_rows_;

@@ -16,7 +16,7 @@ bool WeighRow(const Phases& phases, const WeighArgs& args, const SplitArgs* spli
 bool SplatRow(const SplatArgs& args);
 void SliceRow(const Phases& phases, const SliceArgs& args);
 void AddProductRow(const float* a, const float* b, int count, float* sums);
-void AddRows(const float* a, const float* b, float scale, int count, float* to);
+void SumPhases(float* sums, std::ptrdiff_t stride, int step, float scale, int count, float* means);
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums);
 void StabiliseRow(const float* in, float inverse_knee, float shift, int count, float* out);
 

@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "filter/image/portable_math.h"
 #include "filter/kernels/kernel_constants.h"
@@ -101,8 +103,15 @@ void AddProductRow(const float* a, const float* b, int count, float* sums) {
   for (int x = 0; x < count; ++x) sums[x] += a[x] * b[x];
 }
 
-void AddRows(const float* a, const float* b, float scale, int count, float* to) {
-  for (int x = 0; x < count; ++x) to[x] = scale * (a[x] + b[x]);
+void SumPhases(float* sums, std::ptrdiff_t stride, int step, float scale, int count, float* means) {
+  for (int c = 0; c < count; ++c) {
+    std::vector<float> phases;
+    for (int j = 0; j < step; ++j) phases.push_back(std::exchange(sums[j * stride + c], 0.0f));
+    for (; phases.size() > 1; phases.resize(phases.size() / 2)) {
+      for (size_t j = 0; j < phases.size() / 2; ++j) phases[j] = phases[2 * j] + phases[2 * j + 1];
+    }
+    means[c] = scale * phases[0];
+  }
 }
 
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums) {

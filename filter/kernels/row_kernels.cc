@@ -171,9 +171,25 @@ HWY_INLINE void SlicePlanes(const Phases& phases, const SliceArgs& args, size_t 
   }
 }
 
+/// Columns of cells from those at work to those asked for: planes and phases are more rows side by side than
+/// the processor foresees by itself.
+constexpr int kAhead = 32;
+constexpr int kFloatsPerLine = 16;  // of the cache
+
+/// Asks for the pixels of cell c.
+HWY_INLINE void FetchAhead(const Phases& phases, const SliceArgs& args, int c) {
+  if (c >= args.count) return;
+  for (int phase = 0; phase < phases.step; ++phase) {
+    const std::ptrdiff_t x = phase * args.phase_stride + c;
+    for (size_t j = 0; j < args.manifolds; ++j) __builtin_prefetch(args.weights[j] + x);
+    for (size_t k = 0; k < args.planes; ++k) __builtin_prefetch(args.sums[k] + x, 1);
+  }
+}
+
 template <size_t n>
 HWY_INLINE void SlicePhases(const Phases& phases, const SliceArgs& args) {
   for (int c = 0; c < args.count; c += static_cast<int>(hn::Lanes(Floats()))) {
+    if (c % kFloatsPerLine == 0) FetchAhead(phases, args, c + kAhead);
     for (int phase = 0; phase < phases.step; phase += static_cast<int>(n)) {
       size_t k = 0;
       for (; k + 4 <= args.planes; k += 4) SlicePlanes<n, 4>(phases, args, k, phase, c);

@@ -49,12 +49,15 @@ TEST(SceneFacts, OfMirrorsTheirOwnPlaneCounts) {
   Scene scene;
   scene.materials = {testing::Lambert({1, 1, 1}), {}};
   scene.materials[1].base.roughness = 0;
+  scene.materials[1].name = "mirror";
   testing::Place(&scene, TwoTriangles(0, 1));
   testing::Place(&scene, TwoTriangles(1, 0));
   const SceneFacts facts = FactsOf(scene, false);
   EXPECT_FALSE(facts.in_one_plane);
   EXPECT_TRUE(facts.delta_in_one_plane);
   EXPECT_EQ(facts.surfaces, 2);
+  EXPECT_EQ(facts.delta_material, "material 'mirror'");
+  EXPECT_EQ(facts.glossy_material, "material 'mirror'");
   scene.meshes[1].material = 1;
   EXPECT_FALSE(FactsOf(scene, false).delta_in_one_plane);
 }

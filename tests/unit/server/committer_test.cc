@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <prometheus/collectable.h>
+#include <prometheus/metric_family.h>
 #include <spdlog/logger.h>
 
 #include <atomic>
@@ -106,6 +108,7 @@ TEST_F(CommitterTest, EachRecordIsAsLongAsItsUnitAndFollowsTheLast) {
     accepted.worker_name = "ann";
     accepted.samples = 20 + i;
     accepted.numeric_class = "c";
+    accepted.started = absl::FromUnixSeconds(70 + i);
     sizes.push_back(accepted.stored.size_bytes());
     committer_->Enqueue(std::move(accepted));
   }
@@ -130,8 +133,16 @@ TEST_F(CommitterTest, EachRecordIsAsLongAsItsUnitAndFollowsTheLast) {
   }
   const ledger::JobRecord job = *store_->GetJob(kWritten);
   EXPECT_EQ(job.done.units, 3);
+  EXPECT_EQ(job.numeric_class, "c");
+  EXPECT_EQ(job.started, absl::FromUnixSeconds(70)) << "of the first unit";
   EXPECT_EQ(job.done.samples, 20 + 21 + 22);
   EXPECT_EQ(job.done.bad_samples, 10 + 11 + 12);
+  for (const prometheus::MetricFamily& family : timings_.source()->Collect()) {
+    const prometheus::ClientMetric::Histogram& times = family.metric.front().histogram;
+    if (family.name != "lumifold_ledger_commit_seconds") continue;
+    EXPECT_EQ(times.sample_count, 1u) << "one transaction";
+    EXPECT_NEAR(times.sample_sum, 1e-6, 1e-9) << "from one look at the clock to the next";
+  }
 }
 
 }  // namespace

@@ -22,6 +22,9 @@ TEST(FrameLimit, IsTheScarcestOfLogsDiskAndMemory) {
   EXPECT_EQ(
       MaxActiveFrames({.open_logs = 64, .free_disk_bytes = kMany, .memory_bytes = 3 * 64'000 * 16}, frame),
       3);
+  EXPECT_EQ(MaxActiveFrames({.open_logs = 64, .free_disk_bytes = kMany, .memory_bytes = 5 * 64 * 16},
+                            {.log_bytes = 1, .units = 1}),
+            5);
 }
 
 TEST(FrameLimit, IsNeverBelowOne) {

@@ -450,5 +450,38 @@ TEST_F(JobLifeTest, AnUploadThatExceedsTheQuotaIsRefused) {
   EXPECT_TRUE(fs::is_empty(folder_.PathOf("data/incoming")));
 }
 
+TEST_F(JobLifeTest, JobsAreToldAfterARestartAsBefore) {
+  const std::string done = DoneJob("done");
+  const std::string first = *Submit(Spec(), "first");
+  v1::SubmitJobRequest request;
+  *request.mutable_spec() = Spec();
+  request.set_request_id("all");
+  v1::Scheduling& scheduling = *request.mutable_scheduling();
+  scheduling.set_priority(7);
+  scheduling.add_tags("gpu");
+  scheduling.set_max_leases(3);
+  scheduling.set_numeric_class("sse2");
+  scheduling.set_paused(true);
+  scheduling.set_audit_share(0.5);
+  scheduling.set_name("shot 7");
+  v1::SubmitJobResponse paused;
+  ASSERT_TRUE(Call(&v1::FarmService::Stub::SubmitJob, request, &paused).ok());
+  const std::vector<std::string> jobs = {done, first, paused.job_id(), *SubmitAfter({first}, "waits")};
+  const auto told = [&] {
+    v1::ListJobsResponse list;
+    EXPECT_TRUE(Call(&v1::FarmService::Stub::ListJobs, v1::ListJobsRequest(), &list).ok());
+    std::string text;
+    for (const std::string& job : jobs) *list.add_jobs() = *Get(job);
+    for (v1::JobStatus& status : *list.mutable_jobs()) {
+      status.clear_coordinator();  // another port
+      absl::StrAppend(&text, status.DebugString(), "\n");
+    }
+    return text;
+  };
+  const std::string before = told();
+  RestartWith([](ServerOptions&) {});
+  EXPECT_EQ(told(), before);
+}
+
 }  // namespace
 }  // namespace lumifold::server

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/filled_message.h"
+
 namespace lumifold::server {
 namespace {
 
@@ -55,6 +57,19 @@ TEST(JobStatus, DoesNotCountWhatIsSkipped) {
   EXPECT_EQ(status.units_total(), 3 * 4 * 3);
   EXPECT_EQ(status.units_done(), status.units_total());
   EXPECT_EQ(status.samples_done(), 16 * 15 * 8 * 3);
+}
+
+TEST(JobStatus, HasEachSettingOfTheSpec) {
+  ledger::JobRecord record;
+  record.spec = FilledMessage<v1::JobSpec>(1);
+  record.spec.clear_plan();  // it must be one of these tiles
+  v1::JobSpec expected = record.spec;
+  // What the status has elsewhere, and what says how the farm divides the job.
+  for (const char* field :
+       {"scene", "width", "height", "tile_size", "samples_per_pixel", "pass_samples", "first_pass_samples",
+        "first_frame", "frame_count", "more_frames", "adaptive"})
+    expected.GetReflection()->ClearField(&expected, expected.GetDescriptor()->FindFieldByName(field));
+  EXPECT_EQ(StatusOfEndedJob(record).settings().DebugString(), expected.DebugString());
 }
 
 TEST(JobStatus, OfAnEndedJobIsItsRow) {

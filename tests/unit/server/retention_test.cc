@@ -45,6 +45,23 @@ TEST(Retention, FilmOfTheJobThatEndedFirstGoesFirst) {
   EXPECT_EQ(retention.used_bytes(), 70u);
 }
 
+TEST(Retention, WhatIsExactlyAtALimitStays) {
+  for (const int off : {0, 1}) {  // of a byte beyond the limit
+    const auto extra = static_cast<uint64_t>(off);
+    RetentionLimits of_film = NoLimits();
+    of_film.film_bytes = 60;
+    RetentionLimits of_quota = NoLimits();
+    of_quota.quota_bytes = 65;
+    RetentionLimits of_disk = NoLimits();
+    of_disk.free_bytes = 1000;
+    for (const RetentionLimits& limits : {of_film, of_quota, of_disk}) {
+      Retention retention(limits);
+      retention.JobEnded(kOld, AtHour(1), 60 + extra, 5);
+      EXPECT_EQ(retention.Next(AtHour(3), 1000 - extra).has_value(), off == 1);
+    }
+  }
+}
+
 TEST(Retention, NoFilmIsKeptUnderALimitOfZero) {
   RetentionLimits limits = NoLimits();
   limits.film_bytes = 0;

@@ -65,9 +65,8 @@ TEST(JobStatus, HasEachSettingOfTheSpec) {
   record.spec.clear_plan();  // it must be one of these tiles
   v1::JobSpec expected = record.spec;
   // What the status has elsewhere, and what says how the farm divides the job.
-  for (const char* field :
-       {"scene", "width", "height", "tile_size", "samples_per_pixel", "pass_samples", "first_pass_samples",
-        "first_frame", "frame_count", "more_frames", "adaptive"})
+  for (const char* field : {"scene", "width", "height", "tile_size", "samples_per_pixel", "pass_samples",
+                            "first_pass_samples", "first_frame", "frame_count", "more_frames", "adaptive"})
     expected.GetReflection()->ClearField(&expected, expected.GetDescriptor()->FindFieldByName(field));
   EXPECT_EQ(StatusOfEndedJob(record).settings().DebugString(), expected.DebugString());
 }

@@ -1,11 +1,13 @@
 #include "tests/unit/ledger/history.h"
 
+#include <algorithm>
 #include <random>
 #include <utility>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "tests/support/filled_message.h"
 #include "tests/unit/ledger/job_store_fixture.h"
 
 namespace lumifold::ledger {
@@ -25,10 +27,11 @@ std::string TextOf(const JobRecord& job) {
   return absl::StrCat(job.id.value(), " ", absl::CEscape(job.spec.SerializeAsString()), " ",
                       absl::CEscape(job.scheduling.SerializeAsString()), " ", job.owner.name, " ",
                       job.owner.epoch.value(), " ", static_cast<int>(job.state), " ", job.error, " ",
-                      job.numeric_class, " ", absl::ToUnixMillis(job.started), " ", job.done.units, " ",
-                      job.done.samples, " ", job.done.bad_samples, " ", job.done.frames, " ",
-                      job.times.filter_seconds(), " ", absl::StrJoin(job.warnings, "|"), " ",
-                      job.warnings_left_out, "\n");
+                      job.numeric_class, " ", absl::ToUnixMillis(job.submitted), " ",
+                      absl::ToUnixMillis(job.started), " ", job.done.units, " ", job.done.samples, " ",
+                      job.done.bad_samples, " ", job.done.frames, " ", job.counted.value(), " ",
+                      job.times.ShortDebugString(), " ", job.estimated_error.value_or(-1), " ",
+                      absl::StrJoin(job.warnings, "|"), " ", job.warnings_left_out, "\n");
 }
 
 std::string TextOf(const UnitRecord& unit) {
@@ -43,9 +46,19 @@ std::string TextOf(JobStore& store, const JobId& job) {
   const absl::Status status =
       store.ForEachUnit(job, std::nullopt, [&text](const UnitRecord& unit) { text += TextOf(unit); });
   const absl::StatusOr<std::vector<int32_t>> frames = store.FinishedFrames(job);
+  absl::StatusOr<std::vector<std::string>> deliverers = store.DeliverersOf(job);
+  if (deliverers.ok()) std::sort(deliverers->begin(), deliverers->end());
   absl::StrAppend(&text, "  ", CodeOf(status), " finished ",
-                  frames.ok() ? absl::StrJoin(*frames, ",") : CodeOf(frames.status()), "\n");
+                  frames.ok() ? absl::StrJoin(*frames, ",") : CodeOf(frames.status()), " by ",
+                  deliverers.ok() ? absl::StrJoin(*deliverers, ",") : CodeOf(deliverers.status()), "\n");
   return text;
+}
+
+/// The spec with the files of the recorded one, which nothing changes.
+v1::JobSpec WithFilesOf(JobStore& store, const JobId& job, v1::JobSpec spec) {
+  const absl::StatusOr<JobRecord> record = store.GetJob(job);
+  if (record.ok()) *spec.mutable_scene()->mutable_dependencies() = record->spec.scene().dependencies();
+  return spec;
 }
 
 class Generator {
@@ -61,7 +74,9 @@ class Generator {
     if (kind < 72) return EndStep();
     if (kind < 78) return ReopenStep();
     if (kind < 82) return ClaimStep();
-    if (kind < 86) return SchedulingStep();
+    if (kind < 84) return SchedulingStep();
+    if (kind < 85) return PlanStep();
+    if (kind < 86) return FindStep();
     if (kind < 90) return DeleteStep();
     if (kind < 95) return PurgeStep();
     return BlockStep();
@@ -75,8 +90,10 @@ class Generator {
 
   NewJob AnyNewJob() {
     NewJob job = Job(AnyJob(), absl::StrCat("r-", Below(6)));
-    if (Below(4) == 0) job.spec.set_seed(7);
+    if (Below(4) == 0) job.spec = FilledMessage<v1::JobSpec>(100);
+    if (Below(4) == 0) job.scheduling = FilledMessage<v1::Scheduling>(100);
     job.scheduling.set_user(Below(2) == 0 ? "ann" : "ben");
+    job.submitted = kStart + absl::Milliseconds(Below(1000));
     job.owner = {"owner", Epoch(epoch_)};
     return job;
   }
@@ -84,6 +101,7 @@ class Generator {
   JobCommit AnyCommit() {
     JobCommit commit = Commit(AnyJob(), {}, AnyEpoch());
     commit.numeric_class = Below(2) == 0 ? "avx2" : "sse2";
+    commit.started = kStart + absl::Milliseconds(Below(1000));
     commit.recovered = Below(4) == 0;
     const int count = Below(4);
     for (int i = 0; i < count; ++i) {
@@ -94,6 +112,8 @@ class Generator {
       unit.worker = Below(5) == 0 ? "" : absl::StrCat("worker-", Below(3));
       unit.samples = Below(1000);
       unit.bad_samples = Below(3);
+      unit.length = static_cast<uint64_t>(70 + Below(2));
+      if (Below(2) == 0) unit.cost = {kStart + absl::Hours(12 * Below(4)), 0.25 * Below(9)};
       commit.units.push_back(unit);
     }
     for (int i = Below(3); i > 0; --i) commit.warnings.push_back(absl::StrCat("warning ", Below(130)));
@@ -118,7 +138,12 @@ class Generator {
   }
   Step FrameStep() {
     v1::FrameReport report;
+    report.mutable_times()->set_render_seconds(Below(5));
+    report.mutable_times()->set_assemble_seconds(Below(5));
     report.mutable_times()->set_filter_seconds(Below(5));
+    report.mutable_times()->set_write_seconds(Below(5));
+    report.set_core_seconds(0.25 * Below(9));
+    if (Below(2) == 0) report.set_finished_unix_ms(absl::ToUnixMillis(kStart + absl::Hours(12 * Below(4))));
     if (Below(2) == 0) report.set_estimated_error(Below(100));
     return {"frame", [job = Owned(AnyJob(), AnyEpoch()), frame = Below(3), report](JobStore& store) {
               return Outcome(store.RecordFrame(job, frame, report));
@@ -142,9 +167,14 @@ class Generator {
     for (int i = Below(3); i > 0; --i) frames.push_back(Below(3));
     Reopening reopening = {.spec = Job("", "").spec, .scheduling = {}, .frames = std::move(frames)};
     reopening.spec.set_samples_per_pixel(Below(100));
+    reopening.counted = job::Attempt(Below(100));
     reopening.scheduling.mutable_gaps()->set_skip_failed(Below(2) == 0);
-    return {"reopen", [job = JobId(AnyJob()), owner = Owner{"reopener", Epoch(AnyEpoch())}, reopening](
-                          JobStore& store) { return Outcome(store.ReopenFrames(job, owner, reopening)); }};
+    return {"reopen", [job = JobId(AnyJob()), owner = Owner{"reopener", Epoch(AnyEpoch())},
+                       reopening](JobStore& store) {
+              Reopening again = reopening;
+              again.spec = WithFilesOf(store, job, reopening.spec);
+              return Outcome(store.ReopenFrames(job, owner, again));
+            }};
   }
   Step ClaimStep() {
     if (Below(2) == 0 && epoch_ < 6) ++epoch_;
@@ -163,6 +193,18 @@ class Generator {
     scheduling.set_priority(Below(10));
     return {"scheduling", [job = Owned(AnyJob(), AnyEpoch()), scheduling](JobStore& store) {
               return Outcome(store.SetScheduling(job, scheduling));
+            }};
+  }
+  Step PlanStep() {
+    return {
+        "plan", [job = Owned(AnyJob(), AnyEpoch()), first = 200 + Below(2)](JobStore& store) {
+          return Outcome(store.SetPlan(job, WithFilesOf(store, job.job, FilledMessage<v1::JobSpec>(first))));
+        }};
+  }
+  Step FindStep() {
+    return {"find", [job = AnyNewJob()](JobStore& store) -> absl::StatusOr<std::string> {
+              const absl::StatusOr<std::optional<JobId>> found = store.FindRequest(job);
+              return found.ok() ? found->value_or(JobId("none")).value() : Outcome(found.status());
             }};
   }
   Step DeleteStep() {
@@ -248,6 +290,18 @@ std::string Dump(JobStore& store) {
         store.ListJobs({.states = {v1::JOB_STATE_SUBMITTED, v1::JOB_STATE_FAILED}, .user = user});
     if (!page.ok()) return absl::StrCat("list: ", CodeOf(page.status()));
     for (const JobRecord& job : page->jobs) absl::StrAppend(&text, user, " has ", job.id.value(), "\n");
+  }
+  for (int day = 0; day < 3; ++day) {
+    const absl::Time since = kStart + absl::Hours(24 * day);
+    for (const char* user : {"", "ann"}) {
+      const absl::StatusOr<std::vector<JobUsage>> usage =
+          store.Usage({.since = since, .until = since + absl::Hours(24), .user = user});
+      if (!usage.ok()) return absl::StrCat("usage: ", CodeOf(usage.status()));
+      for (const JobUsage& of_job : *usage)
+        absl::StrAppend(&text, day, user, " ", of_job.job.value(), " ", of_job.user, " ", of_job.work.units,
+                        " ", of_job.work.render_seconds, " ", of_job.work.frames, " ",
+                        of_job.work.finish_seconds, "\n");
+    }
   }
   const absl::StatusOr<std::vector<BlockedWorker>> blocked = store.BlockedWorkers();
   if (!blocked.ok()) return absl::StrCat("blocked: ", CodeOf(blocked.status()));

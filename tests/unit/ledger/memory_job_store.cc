@@ -354,10 +354,9 @@ class MemoryJobStore final : public JobStore {
   }
 
   JobUsage& UsageOf(const StoredJob& job, int64_t day) {
-    JobUsage& usage = state_->usage[{day, job.record.id.value()}];
-    usage.job = job.record.id;
-    usage.user = job.record.scheduling.user();
-    return usage;
+    // The user of the day's first work stays.
+    const JobUsage of_new = {job.record.id, job.record.scheduling.user(), {}};
+    return state_->usage.try_emplace({day, job.record.id.value()}, of_new).first->second;
   }
 
   absl::Status CommitJob(const JobCommit& commit) {

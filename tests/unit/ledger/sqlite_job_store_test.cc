@@ -139,6 +139,14 @@ TEST_F(SqliteJobStoreTest, ADamagedRowIsAnErrorOfItsJobOnly) {
   EXPECT_THAT(store->ListJobs({})->damaged, IsEmpty());
 }
 
+TEST_F(SqliteJobStoreTest, ACallThatWritesToAJobWhoseOwnerIsDamagedNamesIt) {
+  ASSERT_TRUE(Open()->CreateJob(Job("j-a", "r-1")).ok());
+  RunSql("UPDATE jobs SET epoch = 'x'");
+  const absl::Status status = Open()->SetScheduling({JobId("j-a"), Epoch(1)}, {});
+  EXPECT_EQ(status.code(), StatusCode::kInternal);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("j-a"));
+}
+
 TEST_F(SqliteJobStoreTest, ADamagedRowOfAUnitIsAnErrorOfItsJobOnly) {
   {
     const std::unique_ptr<JobStore> store = Open();

@@ -1,6 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <functional>
+#include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -311,6 +313,56 @@ TEST_F(SchedulerFailuresTest, ConnectionsThatBreakAgainAndAgainAreNoLosses) {
     if (i % 2 == 1) continue;
     scheduler_.workers().Remove(WorkerId(i));
     scheduler_.workers().Remove(WorkerId(i - 1));
+  }
+}
+
+TEST(SchedulerLosses, EachWayInWhichAWorkerIsLostMakesItsUnitSuspectAndNoOther) {
+  const auto held = [](const GrantedLease& lease) {
+    return std::vector<HeldLease>{{.unit = lease.unit, .attempt = lease.attempt}};
+  };
+  struct Way {
+    const char* name;
+    bool is_loss;  // of a lease that the worker had received
+    bool is_loss_unreceived;
+    std::function<void(Scheduler&, const GrantedLease&, absl::Time now)> end;
+  };
+  const std::vector<Way> ways = {
+      {"silent", true, false,
+       [](Scheduler& s, const GrantedLease&, absl::Time now) { s.ExpireLeases(now + absl::Seconds(30)); }},
+      {"stalled", true, true,
+       [&](Scheduler& s, const GrantedLease& lease, absl::Time now) {
+         s.workers().Heartbeat(lease.worker, held(lease), lease.attempt, now + absl::Seconds(20));
+         s.ExpireLeases(now + absl::Seconds(40));
+       }},
+      {"not named any more", true, true,
+       [](Scheduler& s, const GrantedLease& lease, absl::Time now) {
+         s.workers().Heartbeat(lease.worker, {}, lease.attempt, now);
+       }},
+      {"gone", true, false,
+       [](Scheduler& s, const GrantedLease& lease, absl::Time) { s.workers().Remove(lease.worker); }},
+      {"handed back", false, false, [](Scheduler& s, const GrantedLease& lease, absl::Time) {
+         s.units().HandBack(lease.worker, lease.unit, lease.attempt);
+       }}};
+  for (const Way& way : ways) {
+    for (const bool is_received : {true, false}) {
+      Scheduler scheduler({.lease = absl::Seconds(30), .stall = absl::Seconds(40)});
+      scheduler.jobs().Add(kJob, RowSpec(1));
+      absl::Time now = kStart;
+      bool is_suspect = false;
+      for (int i = 1; i <= 8 && !is_suspect; ++i, now += absl::Minutes(1)) {
+        const std::string name = absl::StrCat("w", i);
+        const job::WorkerId worker(i);
+        scheduler.workers().Add(worker, {.name = name, .party = name, .numeric_class = "avx2", .slots = 1});
+        const std::vector<GrantedLease> granted = scheduler.GrantLeases(now);
+        ASSERT_EQ(granted.size(), 1u) << way.name << " " << i;
+        const GrantedLease& lease = granted[0];
+        is_suspect = lease.alone;
+        if (is_received) scheduler.workers().Heartbeat(worker, held(lease), job::Attempt(0), now);
+        way.end(scheduler, lease, now);
+        scheduler.workers().Drain(worker);
+      }
+      EXPECT_EQ(is_suspect, is_received ? way.is_loss : way.is_loss_unreceived) << way.name;
+    }
   }
 }
 

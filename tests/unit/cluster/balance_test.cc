@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,21 @@ Member Of(int64_t epoch, int64_t workers, int64_t demand) {
           .workers = workers,
           .slots = workers * kSlotsOfWorker,
           .demand = demand};
+}
+
+/// Slots of each job where all are given out and nobody gets more than it demands, by bisection.
+double FairSlotsPerJob(const std::vector<Member>& members) {
+  double low = 0;
+  double high = 1e6;
+  for (int i = 0; i < 100; ++i) {
+    const double middle = (low + high) / 2;
+    double left = 0;
+    for (const Member& member : members)
+      left += static_cast<double>(member.slots) -
+              std::min(static_cast<double>(member.demand), middle * static_cast<double>(member.active_jobs));
+    (left > 0 ? low : high) = middle;
+  }
+  return low;
 }
 
 /// Lets each member decide in turn until nobody moves anything; the workers of each then.
@@ -73,7 +89,7 @@ TEST(BalanceTest, AShareOfLessThanAWorkerIsAWorker) {
   EXPECT_EQ(Settle({Of(1, 1, 100), Of(2, 0, 1)}), (std::vector<int64_t>{1, 0}));  // it would only wander
 }
 
-TEST(BalanceTest, MovesEndForAnyFarm) {
+TEST(BalanceTest, MovesEndForAnyFarmAndLeaveNobodyShortOfItsShare) {
   uint64_t state = 1;
   const auto below = [&state](uint64_t n) {
     state = state * 6364136223846793005u + 1442695040888963407u;
@@ -83,11 +99,19 @@ TEST(BalanceTest, MovesEndForAnyFarm) {
     std::vector<Member> members;
     int64_t workers = 0;
     for (int64_t epoch = 0; epoch < 2 + below(4); ++epoch) {
-      members.push_back(Of(epoch, below(10), below(3) == 0 ? 0 : below(200)));
+      members.push_back(Of(epoch, below(10), below(3) == 0 ? 0 : below(below(2) == 0 ? 8 : 200)));
+      members.back().active_jobs = 1 + below(4);
       workers += members.back().workers;
     }
+    const double per_job = FairSlotsPerJob(members);
+    const std::vector<int64_t> settled = Settle(members);
     int64_t left = 0;
-    for (const int64_t count : Settle(members)) left += count;
+    for (size_t k = 0; k < members.size(); ++k) {
+      left += settled[k];
+      const double share = std::min(static_cast<double>(members[k].demand),
+                                    per_job * static_cast<double>(members[k].active_jobs));
+      EXPECT_GT(static_cast<double>(settled[k] * kSlotsOfWorker), share - 3 * kSlotsOfWorker) << i;
+    }
     EXPECT_EQ(left, workers);
   }
 }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <utility>
+#include <vector>
 
 #include "filter/image/layers.h"
 #include "filter/image/planes.h"
@@ -84,6 +85,33 @@ TEST(BlockGrid, DividesLongFramesHoweverThinTheyAre) {
         EXPECT_LE(grid.Input(column, row).height(), 4096);
       }
     }
+  }
+}
+
+TEST(BlockGrid, FactorsBlendTheBlocksOfARowOverOneAnother) {
+  constexpr int kWidth = 200;
+  constexpr int kHeight = 150;
+  const BlockGrid grid(kWidth, kHeight, kSmall);
+  for (const int y : {0, 70, kHeight - 1}) {
+    // Each block is blended over those before it with its factor, so that a constant stays.
+    std::vector<float> blended(kWidth, -1);
+    for (int row = 0; row < grid.rows(); ++row) {
+      for (int column = 0; column < grid.columns(); ++column) {
+        const Rect output = grid.Output(column, row);
+        if (y < output.y0 || y >= output.y1) continue;
+        const std::vector<float> factors = grid.BlendFactors(column, row, y);
+        ASSERT_EQ(factors.size(), static_cast<size_t>(output.x1 - output.x0));
+        for (size_t i = 0; i < factors.size(); ++i) {
+          EXPECT_TRUE(factors[i] >= 0 && factors[i] <= 1);
+          float& value = blended[static_cast<size_t>(output.x0) + i];
+          if (value < 0) {
+            EXPECT_NEAR(factors[i], 1, 1e-6f) << "the first one there";
+          }
+          value = 1;
+        }
+      }
+    }
+    for (const float value : blended) EXPECT_EQ(value, 1);
   }
 }
 

@@ -12,10 +12,12 @@
 
 #include "absl/status/status.h"
 #include "absl/synchronization/notification.h"
+#include "filter/image/decisions.h"
 #include "filter/image/layers.h"
 #include "proto/rpc/limits.h"
 #include "tests/support/gltf_fixture.h"
 #include "tests/unit/worker/fake_assets.h"
+#include "worker/units/job_plan.h"
 
 namespace lumifold::worker {
 namespace {
@@ -258,6 +260,21 @@ TEST(UnitRenderer, WarningsOfAUnitAreBoundedAndTheRestIsCounted) {
   for (const std::string& line : warnings) EXPECT_LE(line.size(), rpc::kMaxWarningBytes);
   EXPECT_EQ(warnings[0].substr(0, 14), "extension X_0x");
   EXPECT_EQ(warnings.rbegin()->substr(3), " further warnings are left out");
+}
+
+TEST(ApplyPlan, ChangesOnlyWhatThePlanDecides) {
+  v1::JobSpec spec;
+  render::RenderSettings settings;
+  settings.max_bounces = 7;
+  ApplyPlan(spec, &settings);
+  spec.mutable_plan();
+  ApplyPlan(spec, &settings);
+  EXPECT_EQ(settings.max_bounces, 7);
+  v1::PlanDecision& bounces = *spec.mutable_plan()->add_decisions();
+  bounces.set_name(std::string(decisions::kBounces));
+  bounces.set_value(2);
+  ApplyPlan(spec, &settings);
+  EXPECT_EQ(settings.max_bounces, 2);
 }
 
 }  // namespace

@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <random>
+#include <set>
+
 #include "filter/image/layers.h"
 #include "filter/image/planes.h"
 #include "filter/metrics/metrics.h"
@@ -87,6 +91,52 @@ TEST(Regions, FindTexturesMirrorsAndEdgesInThatOrder) {
     for (int i = 0; i < kSubSamples; ++i) place.At(i, 0) = 5;
   }
   EXPECT_EQ(At(film, 5, 5), Region::kEdges);
+}
+
+/// A film with columns for rows.
+EdgedImage Transposed(const EdgedImage& film) {
+  EdgedImage turned;
+  turned.pixels = LayeredImage(film.pixels.height(), film.pixels.width());
+  for (const LayeredImage::Channel& channel : film.pixels.channels()) {
+    const FloatView to = turned.pixels.Add(channel.name);
+    const ConstFloatView from = film.pixels.Get(channel.name);
+    ForEachPixel(from.width(), from.height(), [&](int x, int y) { to.At(y, x) = from.At(x, y); });
+  }
+  return turned;
+}
+
+TEST(Regions, AreTheSameAlongBothAxes) {
+  constexpr int kWide = 40;
+  constexpr int kHigh = 23;
+  EdgedImage film;
+  film.pixels = LayeredImage(kWide, kHigh);
+  std::mt19937 random(3);
+  const auto fill = [&](FloatView channel, float low, float high) {  // flat on patches of several sizes
+    ForEachPixel(kWide, kHigh, [&](int x, int y) { channel.At(x, y) = low; });
+    for (int i = 0; i < 12; ++i) {
+      const int x0 = static_cast<int>(random() % kWide);
+      const int y0 = static_cast<int>(random() % kHigh);
+      const float value = low + (high - low) * static_cast<float>(random() % 8) / 7;
+      for (int y = y0; y < std::min(y0 + 9, kHigh); ++y)
+        for (int x = x0; x < std::min(x0 + 12, kWide); ++x) channel.At(x, y) = value;
+    }
+  };
+  for (const std::string_view layer : {layers::kAlbedo, layers::kDirect}) {
+    for (const FloatView& channel : film.pixels.AddColor(layer)) fill(channel, 0.2f, 0.9f);
+  }
+  for (const std::string_view name : {layers::kNormalX, layers::kNormalY}) film.pixels.Add(name);
+  fill(film.pixels.Add(layers::kNormalZ), 1, 1);
+  fill(film.pixels.Add(layers::kObjectId), 1, 2);
+  fill(film.pixels.Add(layers::OfLevel({layers::Branch::kReflection, 1}, layers::kDistance)), 0, 1);
+  const std::vector<Region> regions = RegionsOf(film);
+  const std::vector<Region> turned = RegionsOf(Transposed(film));
+  std::set<Region> seen;
+  ForEachPixel(kWide, kHigh, [&](int x, int y) {
+    const Region region = regions[static_cast<size_t>(y * kWide + x)];
+    seen.insert(region);
+    EXPECT_EQ(region, turned[static_cast<size_t>(x * kHigh + y)]) << x << " " << y;
+  });
+  EXPECT_GE(seen.size(), 4u) << "flat, textured, shadow, mirror";
 }
 
 TEST(Mse255ByRegion, SplitsTheErrorOfTheWhole) {

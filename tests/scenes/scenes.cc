@@ -13,6 +13,8 @@ std::span<const SceneEntry> AllScenes() {
       {"atrium", "a court after Sponza: arches, columns, thin curtains, sun through the roof", BuildAtrium},
       {"uplighter", "a room at night, lit off the ceiling by a shaded lamp; a glass egg and metal",
        BuildUplighter},
+      {"chess-board", "pieces on a chequered board, fairy lights behind; for a lens", BuildChessBoard},
+      {"foliage", "bushes and grass before a bright sky; for a lens", BuildFoliage},
       {"tiny-diffuse", "a box and a ball in a room; all surfaces diffuse", BuildTinyDiffuse},
       {"tiny-mirror", "the same of perfect mirrors, lit by two walls and a lamp", BuildTinyMirror},
       {"tiny-unlit", "the same of unlit materials, without light", BuildTinyUnlit},

@@ -19,6 +19,10 @@ SceneDescription BuildAtrium();
 /// Hard light: all of it is indirect, off one bright spot on the ceiling.
 SceneDescription BuildUplighter();
 
+/// For a lens: out of focus are fine texture, thin edges and small bright lamps.
+SceneDescription BuildChessBoard();
+SceneDescription BuildFoliage();
+
 /// Tiny scenes that need one part of the model each: see docs/plan.md.
 SceneDescription BuildTinyDiffuse();
 SceneDescription BuildTinyMirror();

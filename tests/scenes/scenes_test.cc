@@ -218,7 +218,7 @@ TEST_P(EveryScene, HasLightsThatEmitTowardsTheCamera) {
 }
 
 TEST(Scenes, AreFoundByName) {
-  EXPECT_EQ(AllScenes().size(), 10u);
+  EXPECT_EQ(AllScenes().size(), 12u);
   ASSERT_NE(FindScene("atrium"), nullptr);
   EXPECT_EQ(FindScene("atrium")->build, &BuildAtrium);
   EXPECT_EQ(FindScene("atrium.glb"), nullptr);

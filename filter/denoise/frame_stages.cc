@@ -1,5 +1,6 @@
 #include "filter/denoise/frame_stages.h"
 
+#include <optional>
 #include <utility>
 
 #include "filter/edges/regression.h"
@@ -55,6 +56,34 @@ void RunLayers(FrameState* state) {
   }
 }
 
+bool HasLens(const FrameState& state) { return !state.frame.surface.blur.IsEmpty() && HasBothHalves(state); }
+
+/// The halves of the picture without the remainder: filtered light times T and S of each half, and its E.
+BlurredPicture PictureOfLayers(const FrameState& state) {
+  BlurredPicture picture = {Clone(state.change[0]), Clone(state.change[1]), {}};
+  for (Planes* half : {&picture.a, &picture.b}) {
+    const ConstColorView& combined = half == &picture.a ? state.frame.combined.a : state.frame.combined.b;
+    const Planes& rest = half == &picture.a ? state.rest.a : state.rest.b;
+    for (size_t c = 0; c < 3; ++c) {
+      ForEachPixel(state.pool, state.frame.width, state.frame.height, [&](int x, int y) {
+        (*half)[c].At(x, y) += UsableOr0(combined[c].At(x, y)) - rest[c].At(x, y);
+      });
+    }
+  }
+  picture.mean = MeanOfHalves(state.frame, picture.a, picture.b, state.pool);
+  return picture;
+}
+
+void RunLens(FrameState* state) {
+  const Frame& frame = state->frame;
+  const BlurredPicture picture = PictureOfLayers(*state);
+  std::optional<Product> product = BlurredProduct(frame, picture);
+  if (!product.has_value()) return;
+  const FilteredLayer layer = FilterProduct(*state, &*product);
+  AddFiltered(*product, layer, state->pool, nullptr, &state->change);
+  AddReturned(frame, *product, layer, state->pool, &state->returned);
+}
+
 void RunRemainder(FrameState* state) {
   const Frame& frame = state->frame;
   if (IsRounding(state->rest, frame, state->pool)) return;
@@ -71,17 +100,43 @@ void RunRegression(FrameState* state) {
                      state->settings.layer.knee, state->settings.products.ranges, state->pool);
 }
 
+/// Sets the blurred pixels of `change` to those of `before`.
+void RestoreBlurred(const FrameState& state, const FrameChange& before, FrameChange* change) {
+  ForEachPixel(state.pool, state.frame.width, state.frame.height, [&](int x, int y) {
+    if (!IsBlurred(state.frame, x, y)) return;
+    for (size_t h = 0; h < 2; ++h) {
+      for (size_t c = 0; c < 3; ++c) (*change)[h][c].At(x, y) = before[h][c].At(x, y);
+    }
+  });
+}
+
 void RunFrameChoice(FrameState* state) {
+  const bool restores = HasLens(*state) && !IsOff(state->off, "lens");
+  FrameChange before;
+  if (restores) before = {Clone(state->change[0]), Clone(state->change[1])};
   const Plane of_noisy = ChooseChange(state->frame, state->mixed, state->candidates, state->settings.layer,
                                       state->pool, &state->change);
   for (Plane& plane : state->returned) {  // nothing returns to C
-    ForEachPixel(state->pool, plane.width(), plane.height(),
-                 [&](int x, int y) { plane.At(x, y) *= 1.0f - of_noisy.At(x, y); });
+    ForEachPixel(state->pool, plane.width(), plane.height(), [&](int x, int y) {
+      if (!(restores && IsBlurred(state->frame, x, y))) plane.At(x, y) *= 1.0f - of_noisy.At(x, y);
+    });
   }
+  if (restores) RestoreBlurred(*state, before, &state->change);
 }
 
 void RunRecombination(FrameState* state) {
   state->picture = PictureOf(state->frame, state->change, state->pool);
+}
+
+FrameStage LensStage() {
+  return {{.name = "lens",
+           .reads = "filtered layers with T, S and E of each half; blur",
+           .writes = "picture where a lens blurs it, half by half",
+           .off_when = "a pinhole camera; one half alone",
+           .source = "our own",
+           .header = "filter/layers/product.h"},
+          HasLens,
+          RunLens};
 }
 
 }  // namespace
@@ -105,6 +160,7 @@ const std::vector<FrameStage>& DefaultFrameStages() {
         .is_required = true},
        Always,
        RunLayers},
+      LensStage(),
       {{.name = "remainder",
         .reads = "remainder, picture",
         .writes = "picture",

@@ -21,13 +21,17 @@ bool Carried::Has(std::string_view layer) const {
   return true;
 }
 
-std::vector<std::string> LevelPassChannels(Level level) {
+std::vector<std::string> LevelPassChannels(Level level, bool lens) {
   std::vector<std::string> names;
   for (const std::string_view layer : kLevelHalved) {
     AddColor(HalfA(OfLevel(level, layer)), &names);
     AddColor(HalfB(OfLevel(level, layer)), &names);
   }
-  for (const std::string_view layer : kLevelWhole) AddColor(OfLevel(level, layer), &names);
+  for (const std::string_view layer : kLevelWhole) {
+    if (!lens) AddColor(OfLevel(level, layer), &names);
+    if (lens) AddColor(HalfA(OfLevel(level, layer)), &names);
+    if (lens) AddColor(HalfB(OfLevel(level, layer)), &names);
+  }
   for (const std::string_view count : {kSamplesA, kSamplesB}) names.push_back(OfLevel(level, count));
   return names;
 }

@@ -35,6 +35,9 @@ inline constexpr std::string_view kDistance = "distance.Z";  // along the ray; 0
 inline constexpr std::string_view kObjectId = "id.Y";  // 1-based instance number; 0 where nothing is hit
 inline constexpr std::string_view kMask = "mask.Y";    // fraction of samples on a surface with a diffuse lobe
 inline constexpr std::string_view kAlpha = "A";        // coverage: fraction of samples that hit anything
+/// Only in pictures of a lens: diameter in pixels of the disc that the lens makes of a point, the largest of
+/// the points that the rays of the pixel hit.
+inline constexpr std::string_view kBlur = "blur.Y";
 inline constexpr std::string_view kRoughness = "roughness.Y";  // GGX alpha of the reflecting lobe; 1 without
 
 // Of pictures with a transparent background. All are means over the samples of the pixel; the halves of light
@@ -68,6 +71,8 @@ struct Carried {
   bool albedo = true;
   bool emission = true;
   bool glossy = true;
+  /// A lens makes T, E and S vary within a pixel, those of levels too: they are in halves, beside kBlur.
+  bool lens = false;
 
   /// Whether this layer of kHalved or kWhole is there; C always is.
   bool Has(std::string_view layer) const;
@@ -139,8 +144,9 @@ inline std::array<std::string, 3> ColorChannels(std::string_view layer) {
 }
 
 /// The channels that a pass unit has for a level that some sample has reached, all of them sums: the halves
-/// of kLevelHalved ("reflection1_direct_a.R" ...), kLevelWhole, and the two sample counts.
-std::vector<std::string> LevelPassChannels(Level level);
+/// of kLevelHalved ("reflection1_direct_a.R" ...), kLevelWhole, in halves if there is a lens, and the two
+/// sample counts.
+std::vector<std::string> LevelPassChannels(Level level, bool lens = false);
 
 /// The channels that a geometry unit has for a level that some sub-sample has reached: kLevelFeatures.
 std::vector<std::string> LevelFeatureChannels(Level level);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <optional>
 #include <string>
 #include <utility>
@@ -15,8 +16,8 @@ namespace lumifold {
 class LevelImages {
  public:
   /// `channels` gives the channel names of a level.
-  LevelImages(int width, int height, std::vector<std::string> (*channels)(layers::Level))
-      : width_(width), height_(height), channels_(channels) {}
+  LevelImages(int width, int height, std::function<std::vector<std::string>(layers::Level)> channels)
+      : width_(width), height_(height), channels_(std::move(channels)) {}
 
   /// The level's picture; zeros if it is new.
   LayeredImage& At(layers::Level level) {
@@ -42,7 +43,7 @@ class LevelImages {
  private:
   int width_;
   int height_;
-  std::vector<std::string> (*channels_)(layers::Level);
+  std::function<std::vector<std::string>(layers::Level)> channels_;
   std::array<std::optional<LayeredImage>, layers::kLevelCount> images_;
 };
 

@@ -18,12 +18,20 @@ constexpr float kRaysOfEmission = 16 * kSubSamples;
 /// their errors fall nearly as 1/n.
 float OwnWeight(float n, float rays) { return n * n / (n * n + rays * rays); }
 
+/// The half that takes a sub-sample where the halves share none: each has two of every row and every column
+/// of the pixel's grid and of the lens's, by the third orthogonal square (RenderGeometryUnit()).
+size_t HalfOfSubSample(int j) {
+  constexpr std::array<int, 4> kThrice = {0, 3, 1, 2};
+  return static_cast<size_t>((j % 4) ^ kThrice[static_cast<size_t>(j / 4)]) / 2;
+}
+
 /// A fragment while its samples are counted.
 struct Counted {
   Fragment fragment;
   float key = 0;
   float samples = 0;  // own
   float sub_samples = 0;
+  std::array<float, 2> sub_samples_of_half = {};
   std::array<float, 3> albedo = {}, normal = {};  // sums over both
   float distance = 0;
 
@@ -56,6 +64,7 @@ void AddSubSamples(const EdgeViews& edges, int row, std::vector<Counted>* all) {
     if (key == 0) continue;
     Counted& counted = FindOrAdd(key, all);
     counted.sub_samples += 1;
+    counted.sub_samples_of_half[HalfOfSubSample(j)] += 1;
     counted.Add(1, ColorAt(edges.albedo, j, row), normal, edges.distance.At(j, row));
   }
 }
@@ -77,11 +86,14 @@ Counted FromFilm(const FragmentViews& views, int row, const std::array<float, 2>
   return counted;
 }
 
-Fragment Finish(const Counted& counted, const std::array<float, 2>& in_pixel) {
+/// `is_blurred`: the halves share no sub-samples, so that they show how noisy the coverage is.
+Fragment Finish(const Counted& counted, const std::array<float, 2>& in_pixel, bool is_blurred) {
   Fragment fragment = counted.fragment;
+  const float rays = is_blurred ? kSubSamples / 2.0f : kSubSamples;
   for (size_t h = 0; h < 2; ++h) {
-    const float own = OwnWeight(in_pixel[h], kSubSamples);
-    fragment.coverage[h] = own * fragment.share[h] + (1.0f - own) * counted.sub_samples / kSubSamples;
+    const float own = OwnWeight(in_pixel[h], rays);
+    const float sub_samples = is_blurred ? counted.sub_samples_of_half[h] : counted.sub_samples;
+    fragment.coverage[h] = own * fragment.share[h] + (1.0f - own) * sub_samples / rays;
   }
   const float count = counted.samples + counted.sub_samples;
   float length = 0;
@@ -95,15 +107,15 @@ Fragment Finish(const Counted& counted, const std::array<float, 2>& in_pixel) {
   return fragment;
 }
 
-using ColorOfHalves = std::array<std::array<float, 3>, 2>;
+using HalfColors = std::array<std::array<float, 3>, 2>;
 
 /// FragmentSet::Pixel::emission_of_half by the means of the surfaces that the samples hit (`rows` of the
 /// film's fragments). Samples that hit none see the environment, which has what is left of E. 0 where the
 /// fragments have no E.
-ColorOfHalves EmissionOfHalves(const Frame& frame, const std::vector<int>& rows,
-                               const std::array<float, 2>& in_pixel, int x, int y) {
+HalfColors EmissionOfHalves(const Frame& frame, const std::vector<int>& rows,
+                            const std::array<float, 2>& in_pixel, int x, int y) {
   const FragmentViews& fragments = *frame.fragments;
-  ColorOfHalves of_half = {};
+  HalfColors of_half = {};
   if (fragments.emission[0].IsEmpty() || !(in_pixel[0] > 0 && in_pixel[1] > 0)) return of_half;
   std::array<float, 2> missed = in_pixel;
   for (const int row : rows) {
@@ -131,15 +143,24 @@ ColorOfHalves EmissionOfHalves(const Frame& frame, const std::vector<int>& rows,
 }
 
 /// FragmentSet::Pixel::emission_change.
-ColorOfHalves EmissionChange(const Frame& frame, const ColorOfHalves& of_half, int row, int x, int y) {
-  const std::array<float, 2> own = {OwnWeight(frame.samples.a.At(x, y), kRaysOfEmission),
-                                    OwnWeight(frame.samples.b.At(x, y), kRaysOfEmission)};
-  ColorOfHalves change = {};
+HalfColors EmissionChange(const Frame& frame, const HalfColors& of_half, int row, int x, int y) {
+  const bool is_blurred = IsBlurred(frame, x, y);
+  const float rays = is_blurred ? kRaysOfEmission / 2.0f : kRaysOfEmission;
+  const std::array<float, 2> own = {OwnWeight(frame.samples.a.At(x, y), rays),
+                                    OwnWeight(frame.samples.b.At(x, y), rays)};
+  HalfColors change = {};
   for (size_t c = 0; c < 3; ++c) {
     float sum = 0;
-    for (int j = 0; j < kSubSamples; ++j) sum += frame.edges->emission[c].At(j, row);
-    for (size_t h = 0; h < 2; ++h)
-      change[h][c] = (1.0f - own[h]) * (sum / kSubSamples - frame.emission[c].At(x, y) - of_half[h][c]);
+    std::array<float, 2> of_half_alone = {};
+    for (int j = 0; j < kSubSamples; ++j) {
+      const float emission = frame.edges->emission[c].At(j, row);
+      sum += emission;
+      of_half_alone[HalfOfSubSample(j)] += emission;
+    }
+    for (size_t h = 0; h < 2; ++h) {
+      const float mean = is_blurred ? 2 * of_half_alone[h] / kSubSamples : sum / kSubSamples;
+      change[h][c] = (1.0f - own[h]) * (mean - frame.emission[c].At(x, y) - of_half[h][c]);
+    }
   }
   return change;
 }
@@ -173,9 +194,16 @@ bool IsOneSurface(const std::vector<Counted>& all, const std::array<float, 2>& i
 }
 
 /// A pixel whose samples tell nothing but E of its surfaces.
-FragmentSet::Pixel PixelOfEmission(const Frame& frame, const ColorOfHalves& of_half, int row, int x, int y,
+FragmentSet::Pixel PixelOfEmission(const Frame& frame, const HalfColors& of_half, int row, int x, int y,
                                    size_t fragments) {
-  return {x, y, fragments, fragments, of_half, EmissionChange(frame, of_half, row, x, y)};
+  if (frame.surface.blur.IsEmpty())
+    return {x, y, fragments, fragments, of_half, EmissionChange(frame, of_half, row, x, y)};
+  HalfColors known = {};  // the film has E of each half
+  for (size_t h = 0; h < 2; ++h) {
+    for (size_t c = 0; c < 3; ++c)
+      known[h][c] = UsableOr0(frame.surface.emission_of[h][c].At(x, y) - frame.emission[c].At(x, y));
+  }
+  return {x, y, fragments, fragments, {}, EmissionChange(frame, known, row, x, y)};
 }
 
 /// The pixels of films without fragments, whose surfaces reflect no light of their own.
@@ -240,12 +268,12 @@ FragmentSet FragmentsOf(const Frame& frame) {
                                                y, set.fragments.size());
     if (IsOneSurface(all, in_pixel)) {
       // A slice of a lamp that all samples miss shows in E alone.
-      if (pixel.emission_change != ColorOfHalves{}) set.pixels.push_back(pixel);
+      if (pixel.emission_change != HalfColors{}) set.pixels.push_back(pixel);
       return;
     }
     for (const Counted& counted : all) {
       if (!(counted.samples + counted.sub_samples > 0)) continue;
-      set.fragments.push_back(Finish(counted, in_pixel));
+      set.fragments.push_back(Finish(counted, in_pixel, IsBlurred(frame, x, y)));
       AddGloss(gloss, counted.key, &set.fragments.back());
     }
     pixel.last = set.fragments.size();

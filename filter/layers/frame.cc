@@ -22,6 +22,10 @@ class Channels {
   HalvedLayer Halved(std::string_view layer) const {
     return {Color(layer), Color(layers::HalfA(layer)), Color(layers::HalfB(layer))};
   }
+  ColorOfHalves OfHalves(std::string_view layer) const {
+    const HalvedLayer halves = Halved(layer);
+    return halves.IsEmpty() ? ColorOfHalves{halves.mean, halves.mean} : ColorOfHalves{halves.a, halves.b};
+  }
 
  private:
   const LayeredImage& film_;
@@ -29,9 +33,12 @@ class Channels {
 
 SurfaceViews FirstSurface(const Channels& film) {
   return {film.Color(layers::kAlbedo),
+          film.OfHalves(layers::kAlbedo),
+          film.OfHalves(layers::kEmission),
           {film.One(layers::kNormalX), film.One(layers::kNormalY), film.One(layers::kNormalZ)},
           film.One(layers::kDistance),
-          film.One(layers::kMask)};
+          film.One(layers::kMask),
+          film.One(layers::kBlur)};
 }
 
 LevelViews LevelOf(const Channels& film, layers::Level level) {
@@ -42,9 +49,12 @@ LevelViews LevelOf(const Channels& film, layers::Level level) {
       film.Halved(name(layers::kIndirect)),
       film.Color(name(layers::kEmission)),
       {film.Color(name(layers::kAlbedo)),
+       film.OfHalves(name(layers::kAlbedo)),
+       film.OfHalves(name(layers::kEmission)),
        {film.One(name(layers::kNormalX)), film.One(name(layers::kNormalY)), film.One(name(layers::kNormalZ))},
        film.One(name(layers::kDistance)),
-       film.One(name(layers::kMask))},
+       film.One(name(layers::kMask)),
+       {}},
       {film.One(name(layers::kSamplesA)), film.One(name(layers::kSamplesB))}};
 }
 
@@ -88,7 +98,8 @@ Frame::Frame(const LayeredImage& film, const LayeredImage* edge_set, const Layer
   samples = {channels.One(layers::kSamplesA), channels.One(layers::kSamplesB)};
   for (const layers::LobeLayer& lobe : layers::kLobeLayers) {
     if (film.HasColor(lobe.light) && film.HasColor(lobe.factor))
-      lobes.push_back({lobe.light, channels.Halved(lobe.light), channels.Color(lobe.factor)});
+      lobes.push_back({lobe.light, channels.Halved(lobe.light), channels.Color(lobe.factor),
+                       channels.OfHalves(lobe.factor)});
   }
   for (size_t i = 0; i < layers::kLevelCount; ++i) {
     LevelViews level = LevelOf(channels, layers::Level::Of(i));

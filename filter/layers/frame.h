@@ -37,12 +37,18 @@ struct SampleCounts {
   }
 };
 
+/// A layer of each half: its mean over both where the film has no halves of it, which is so without a lens.
+using ColorOfHalves = std::array<ConstColorView, 2>;
+
 /// What is known of the surface that a pixel shows.
 struct SurfaceViews {
   ConstColorView albedo;    // T, the throughput of the chain in it
+  ColorOfHalves albedo_of;  // of each half
+  ColorOfHalves emission_of;
   ConstColorView normal;    // turned back by mirrors on the way
   ConstFloatView distance;  // along the whole way; 0 where nothing is hit
   ConstFloatView mask;      // part of the pixel that shows a surface with a diffuse lobe
+  ConstFloatView blur;      // layers::kBlur; empty: no lens
 };
 
 /// Of the first hit's glossy lobes.
@@ -56,6 +62,7 @@ struct LobeViews {
   std::string_view name;  // of the light: layers::kGlossy or layers::kTransmitted
   HalvedLayer light;
   ConstColorView factor;
+  ColorOfHalves factor_of;  // of each half
 };
 
 /// The surface seen after a chain of delta events.
@@ -105,5 +112,11 @@ struct Frame {
 
   Rect bounds() const { return {0, 0, width, height}; }
 };
+
+/// Whether a lens blurs the pixel, so that T, E, S and the coverage vary in it more than in a sharp one.
+inline bool IsBlurred(const Frame& frame, int x, int y) {
+  constexpr float kLeastBlur = 0.5f;  // pixels
+  return !frame.surface.blur.IsEmpty() && frame.surface.blur.At(x, y) >= kLeastBlur;
+}
 
 }  // namespace lumifold::filter

@@ -70,6 +70,7 @@ void AddDiffuse(const Frame& frame, const ProductParams& params, TaskPool* pool,
     products->push_back({.kind = kind,
                          .mean = layer.mean,
                          .factor = surface.albedo,
+                         .factor_of = surface.albedo_of,
                          .halves = ViewOf(layer, frame.samples),
                          .box = box,
                          .validity = validity.Clone(),
@@ -94,6 +95,7 @@ void AddLobe(const Frame& frame, const LobeViews& lobe, const GeometryRanges& ra
   product.kind = lobe.name == layers::kGlossy ? Product::Kind::kGlossy : Product::Kind::kTransmitted;
   product.mean = lobe.light.mean;
   product.factor = factor;
+  product.factor_of = lobe.factor_of;
   product.halves = ViewOf(lobe.light, frame.samples);
   product.box = *box;
   product.validity = BinaryMask(*box, holds);
@@ -135,6 +137,7 @@ void AddLevel(const Frame& frame, const LevelViews& level, const GeometryRanges&
     product.kind = Product::Kind::kLevel;
     product.mean = layer->mean;
     product.factor = level.surface.albedo;
+    product.factor_of = level.surface.albedo_of;
     product.halves = ViewOf(*layer, level.samples);
     product.box = *box;
     product.validity = BinaryMask(*box, holds);
@@ -158,6 +161,19 @@ std::vector<Product> ProductsOf(const Frame& frame, const ProductParams& params,
     if (params.has_levels) AddLevel(frame, level, params.ranges, pool, &products);
   }
   return products;
+}
+
+std::optional<Product> BlurredProduct(const Frame& frame, const BlurredPicture& picture) {
+  const auto is_blurred = [&](int x, int y) { return IsBlurred(frame, x, y); };
+  const std::optional<Rect> box = BoxOf(frame.bounds(), is_blurred);
+  if (!box.has_value()) return std::nullopt;
+  Product product;
+  product.kind = Product::Kind::kBlurred;
+  product.mean = ViewOf(picture.mean);
+  product.halves = {ViewOf(picture.a), ViewOf(picture.b), frame.samples.a, frame.samples.b};
+  product.box = *box;
+  product.validity = BinaryMask(*box, is_blurred);
+  return product;
 }
 
 Halves HalvesOf(const Product& product, TaskPool* pool) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "filter/image/parallel.h"
@@ -21,11 +22,13 @@ struct Product {
     kTransmitted,  // transmitted light of the first surface with its transmittance
     kLevel,        // D and I of a level, with the throughput of the chain times T
     kRemainder,    // what all other layers and E leave of C, with factor 1
+    kBlurred,      // the picture where a lens blurs it, with factor 1
   };
 
   Kind kind = Kind::kDirect;
-  ConstColorView mean;    // W x H, as all views here
-  ConstColorView factor;  // empty for the remainder
+  ConstColorView mean;           // W x H, as all views here
+  ConstColorView factor;         // empty: 1
+  ColorOfHalves factor_of = {};  // of each half; empty like it
   HalvesView halves;
   Rect box;             // part of the frame that is filtered: the layer's extent and a margin
   Plane validity;       // of the box: part of each pixel that the layer's surface covers; 0: not filtered
@@ -44,6 +47,18 @@ struct ProductParams {
 /// The layers of a film that have anything to filter: direct and indirect first, then the lobes, then the
 /// levels. Keeps views of the frame's film.
 std::vector<Product> ProductsOf(const Frame& frame, const ProductParams& params, TaskPool* pool);
+
+/// A picture of a lens in two halves, in which what the lens blurs is still noise. 3 planes each, W x H.
+struct BlurredPicture {
+  Planes a;
+  Planes b;
+  Planes mean;
+};
+
+/// The picture as a product of factor 1, valid where it is blurred (IsBlurred); none where it is nowhere. It
+/// has no features but its patches: those of the first surface are as noisy as the picture. Keeps views of
+/// `picture`.
+std::optional<Product> BlurredProduct(const Frame& frame, const BlurredPicture& picture);
 
 /// The product's halves inside its box, scaled and made safe to compute with.
 Halves HalvesOf(const Product& product, TaskPool* pool);

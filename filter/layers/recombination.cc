@@ -53,14 +53,15 @@ void AddHalf(const Product& product, const FilteredLayer& layer, size_t h, TaskP
   const int height = (*change)[0].height();
   Plane is_mixed(width, height);
   for (const LayerFragments::Pixel& p : layer.fragments.pixels) is_mixed.At(box.x0 + p.x, box.y0 + p.y) = 1;
+  const ConstColorView& factors = product.factor_of[h];
+  const bool has_factor = !factors[0].IsEmpty();
   const std::vector<float> ones(static_cast<size_t>(width), 1.0f);
-  const bool has_factor = !product.factor[0].IsEmpty();
   for (size_t c = 0; c < 3; ++c) {
     ForEachBand(pool, height, [&](int, int y0, int y1) {
       std::vector<float> noisy(static_cast<size_t>(width));
       for (int y = y0; y < y1; ++y) {
         const float* mixed = is_mixed.Row(y);
-        const float* factor = has_factor ? product.factor[c].Row(y) : ones.data();
+        const float* factor = has_factor ? factors[c].Row(y) : ones.data();
         TakeNoisy(count.Row(y), half[c].Row(y), product.mean[c].Row(y), &noisy);
         if (rest != nullptr) SubtractProduct(noisy, factor, mixed, (*rest)[c].Row(y));
         if (y < box.y0 || y >= box.y1) continue;

@@ -102,7 +102,17 @@ Planes MeanOfHalves(const Frame& frame, const Planes& a, const Planes& b, TaskPo
 }
 
 Remainder WithoutEmission(const Frame& frame, TaskPool* pool) {
-  return {WithoutEmission(frame, frame.combined.a, pool), WithoutEmission(frame, frame.combined.b, pool), {}};
+  Remainder rest;
+  for (size_t h = 0; h < 2; ++h) {
+    Planes& half = h == 0 ? rest.a : rest.b;
+    half = MakePlanes(3, frame.width, frame.height);
+    AddTo(h == 0 ? frame.combined.a : frame.combined.b, 1, pool, &half);
+    AddTo(frame.surface.emission_of[h], -1, pool, &half);
+    for (const LevelViews& level : frame.levels) {
+      if (!level.emission[0].IsEmpty()) AddTo(level.surface.emission_of[h], -1, pool, &half);
+    }
+  }
+  return rest;
 }
 
 bool IsRounding(const Remainder& remainder, const Frame& frame, TaskPool* pool) {

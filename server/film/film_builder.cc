@@ -18,11 +18,20 @@ void AddHalved(std::string_view layer, LayeredImage* film) {
   film->AddColor(layers::HalfB(layer));
 }
 
+/// Adds a layer of layers::kWhole or layers::kLevelWhole.
+void AddWhole(std::string_view layer, bool lens, LayeredImage* film) {
+  if (lens) {
+    AddHalved(layer, film);
+  } else {
+    film->AddColor(layer);
+  }
+}
+
 /// Channels that a film has for a level.
-std::vector<std::string> LevelFilmChannels(Level level) {
+std::vector<std::string> LevelFilmChannels(Level level, bool lens) {
   LayeredImage film(1, 1);
   for (const std::string_view layer : layers::kLevelHalved) AddHalved(OfLevel(level, layer), &film);
-  for (const std::string_view layer : layers::kLevelWhole) film.AddColor(OfLevel(level, layer));
+  for (const std::string_view layer : layers::kLevelWhole) AddWhole(OfLevel(level, layer), lens, &film);
   for (const std::string_view name : {layers::kSamplesA, layers::kSamplesB}) film.Add(OfLevel(level, name));
   for (const std::string& name : layers::LevelFeatureChannels(level)) film.Add(name);
   std::vector<std::string> names;
@@ -82,9 +91,10 @@ void WriteHalved(const TilePlacement& placement, const TileSums& sums, std::stri
   }
 }
 
-/// Writes the means of a layer without halves.
+/// Writes the means of a layer of layers::kWhole or layers::kLevelWhole.
 void WriteWhole(const TilePlacement& placement, const TileSums& sums, std::string_view layer,
-                const Counts& counts, LayeredImage* film) {
+                const Counts& counts, bool lens, LayeredImage* film) {
+  if (lens) return WriteHalved(placement, sums, layer, counts, film);
   for (const std::string& name : layers::ColorChannels(layer)) {
     const std::vector<double>& sum = sums.Of(name);
     WriteTile(placement, name, film, [&](size_t i) { return Mean(sum[i], counts.a[i] + counts.b[i]); });
@@ -161,25 +171,27 @@ const std::vector<double>& TileSums::Of(std::string_view channel) const {
   return found->second;
 }
 
-FilmBuilder::FilmBuilder(int width, int height) : FilmBuilder({0, 0, width, height}, {}) {}
+FilmBuilder::FilmBuilder(int width, int height, const UnitModel& model)
+    : FilmBuilder({0, 0, width, height}, {}, model) {}
 
 FilmBuilder::FilmBuilder(const Rect& part, const LevelSet& levels, const UnitModel& model)
     : part_(part),
       model_(model),
       film_(part.width(), part.height()),
-      levels_(part.width(), part.height(), LevelFilmChannels) {
+      levels_(part.width(), part.height(),
+              [lens = model.carried.lens](Level level) { return LevelFilmChannels(level, lens); }) {
   for (const std::string_view layer : layers::kHalved) {
     if (IsInFilm(layer, model)) AddHalved(layer, &film_);
   }
   for (const std::string_view layer : layers::kWhole) {
-    if (IsInFilm(layer, model)) film_.AddColor(layer);
+    if (IsInFilm(layer, model)) AddWhole(layer, model.carried.lens, &film_);
   }
   film_.Add(layers::kSamplesA);
   film_.Add(layers::kSamplesB);
   if (model.has_matte) {
     for (const std::string_view name : layers::kMatte) film_.Add(name);
   }
-  for (const std::string& name : GeometryChannels()) film_.Add(name);
+  for (const std::string& name : GeometryChannels(model_)) film_.Add(name);
   for (size_t i = 0; i < levels.size(); ++i) {
     if (levels[i]) LevelOf(Level::Of(i));
   }
@@ -198,7 +210,7 @@ void FilmBuilder::SetMeans(const Rect& rect, const TileSums& sums) {
     if (model_.Has(layer)) WriteHalved(placement, sums, layer, counts, &film_);
   }
   for (const std::string_view layer : layers::kWhole) {
-    if (model_.Has(layer)) WriteWhole(placement, sums, layer, counts, &film_);
+    if (model_.Has(layer)) WriteWhole(placement, sums, layer, counts, model_.carried.lens, &film_);
   }
   if (model_.has_matte) WriteMatte(placement, sums, counts, &film_);
   for (size_t i = 0; i < layers::kLevelCount; ++i) {
@@ -219,7 +231,7 @@ void FilmBuilder::SetLevelMeans(const Rect& rect, const TileSums& sums, Level le
   for (const std::string_view layer : layers::kLevelHalved)
     WriteHalved(placement, sums, OfLevel(level, layer), level_counts, film);
   for (const std::string_view layer : layers::kLevelWhole)
-    WriteWhole(placement, sums, OfLevel(level, layer), CountsOf(sums), film);
+    WriteWhole(placement, sums, OfLevel(level, layer), CountsOf(sums), model_.carried.lens, film);
 }
 
 void FilmBuilder::SetGeometry(const Rect& rect, const LayeredImage& geometry) {
@@ -227,7 +239,7 @@ void FilmBuilder::SetGeometry(const Rect& rect, const LayeredImage& geometry) {
   const auto copy = [&](const std::string& name, LayeredImage* film) {
     CopyPlane(geometry.Get(name).Crop(placement.InTile()), film->Get(name).Crop(placement.InPart()));
   };
-  for (const std::string& name : GeometryChannels()) copy(name, &film_);
+  for (const std::string& name : GeometryChannels(model_)) copy(name, &film_);
   for (size_t i = 0; i < layers::kLevelCount; ++i) {
     const std::vector<std::string> names = layers::LevelFeatureChannels(Level::Of(i));
     if (!geometry.Has(names.front())) continue;

@@ -48,7 +48,7 @@ class TileSums {
 class FilmBuilder {
  public:
   /// A whole frame with the levels that its tiles have.
-  FilmBuilder(int width, int height);
+  FilmBuilder(int width, int height, const UnitModel& model = {});
   /// The part of a frame inside `part`, with at least `levels`.
   FilmBuilder(const Rect& part, const LevelSet& levels, const UnitModel& model = {});
 

@@ -26,20 +26,21 @@ using layers::Level;
 /// All whole numbers below are floats.
 constexpr float kEndOfNumbers = 0x1p24f;
 
-std::array<std::vector<std::string>, layers::kLevelCount> MakeLevelChannels(v1::UnitKind kind) {
+std::array<std::vector<std::string>, layers::kLevelCount> MakeLevelChannels(v1::UnitKind kind, bool lens) {
   std::array<std::vector<std::string>, layers::kLevelCount> names;
   for (size_t i = 0; i < names.size(); ++i) {
     names[i] = kind == v1::UNIT_KIND_GEOMETRY ? layers::LevelFeatureChannels(Level::Of(i))
-                                              : layers::LevelPassChannels(Level::Of(i));
+                                              : layers::LevelPassChannels(Level::Of(i), lens);
   }
   return names;
 }
 
 /// Channels that a unit of this kind has for each of its levels.
-const std::vector<std::string>& LevelChannels(v1::UnitKind kind, size_t level) {
-  static const auto& of_passes = *new auto(MakeLevelChannels(v1::UNIT_KIND_PASS));
-  static const auto& of_geometry = *new auto(MakeLevelChannels(v1::UNIT_KIND_GEOMETRY));
-  return (kind == v1::UNIT_KIND_GEOMETRY ? of_geometry : of_passes)[level];
+const std::vector<std::string>& LevelChannels(v1::UnitKind kind, size_t level, bool lens) {
+  static const auto& of_passes = *new auto(MakeLevelChannels(v1::UNIT_KIND_PASS, false));
+  static const auto& of_lens = *new auto(MakeLevelChannels(v1::UNIT_KIND_PASS, true));
+  static const auto& of_geometry = *new auto(MakeLevelChannels(v1::UNIT_KIND_GEOMETRY, false));
+  return (kind == v1::UNIT_KIND_GEOMETRY ? of_geometry : lens ? of_lens : of_passes)[level];
 }
 
 /// The channel names of a picture, to be looked up.
@@ -67,7 +68,7 @@ class NameSet {
 
 LevelSet LevelsIn(v1::UnitKind kind, const NameSet& names) {
   LevelSet levels;
-  for (size_t i = 0; i < levels.size(); ++i) levels[i] = names.Has(LevelChannels(kind, i).front());
+  for (size_t i = 0; i < levels.size(); ++i) levels[i] = names.Has(LevelChannels(kind, i, false).front());
   return levels;
 }
 
@@ -368,7 +369,8 @@ UnitModel ModelOf(const v1::JobSpec& spec) {
                       .indirect = is_on(decisions::kIndirect),
                       .albedo = is_on(decisions::kAlbedo),
                       .emission = is_on(decisions::kEmission),
-                      .glossy = is_on(decisions::kGlossy)},
+                      .glossy = is_on(decisions::kGlossy),
+                      .lens = spec.has_lens()},
           .levels = job::ValueOf(spec, decisions::kLevels),
           .has_matte = spec.background() == v1::BACKGROUND_TRANSPARENT};
 }
@@ -378,13 +380,20 @@ std::vector<std::string> PassChannels(const UnitModel& model) {
   const auto add_color = [&names](std::string_view layer) {
     for (const std::string& name : layers::ColorChannels(layer)) names.push_back(name);
   };
-  for (const std::string_view layer : layers::kHalved) {
-    if (!model.Has(layer)) continue;
+  const auto add_halves = [&](std::string_view layer) {
     add_color(layers::HalfA(layer));
     add_color(layers::HalfB(layer));
+  };
+  for (const std::string_view layer : layers::kHalved) {
+    if (model.Has(layer)) add_halves(layer);
   }
   for (const std::string_view layer : layers::kWhole) {
-    if (model.Has(layer)) add_color(layer);
+    if (!model.Has(layer)) continue;
+    if (model.carried.lens) {
+      add_halves(layer);
+    } else {
+      add_color(layer);
+    }
   }
   names.emplace_back(layers::kSamplesA);
   names.emplace_back(layers::kSamplesB);
@@ -396,11 +405,13 @@ std::vector<std::string> PassFragmentChannels(const UnitModel& model) {
   return layers::FragmentChannels([&model](std::string_view layer) { return model.Has(layer); });
 }
 
-const std::vector<std::string>& GeometryChannels() {
-  static const auto& names = *new std::vector<std::string>{
-      std::string(layers::kNormalX),     std::string(layers::kNormalY),   std::string(layers::kNormalZ),
-      std::string(layers::kDistance),    std::string(layers::kMask),      std::string(layers::kObjectId),
-      std::string(layers::kPlanarDepth), std::string(layers::kRoughness), std::string(layers::kAlpha)};
+std::vector<std::string> GeometryChannels(const UnitModel& model) {
+  std::vector<std::string> names;
+  for (const std::string_view name :
+       {layers::kNormalX, layers::kNormalY, layers::kNormalZ, layers::kDistance, layers::kMask,
+        layers::kObjectId, layers::kPlanarDepth, layers::kRoughness, layers::kAlpha})
+    names.emplace_back(name);
+  if (model.carried.lens) names.emplace_back(layers::kBlur);
   return names;
 }
 
@@ -412,9 +423,10 @@ rpc::PixelLimits UnitLimits(const Rect& rect) {
   rpc::PixelLimits limits;
   limits.max_width = rect.width();
   limits.max_height = rect.height();
-  const size_t of_levels = layers::kLevelCount * layers::LevelPassChannels(Level{}).size();
+  const size_t of_levels = layers::kLevelCount * layers::LevelPassChannels(Level{}, true).size();
   UnitModel most;
   most.has_matte = true;
+  most.carried.lens = true;
   limits.max_channels = static_cast<int>(PassChannels(most).size() + of_levels);
   return limits;
 }
@@ -436,7 +448,7 @@ absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::Pixe
   }
   const NameSet names(layout.channels());
   const std::vector<std::string> wanted =
-      kind == v1::UNIT_KIND_GEOMETRY ? GeometryChannels() : PassChannels(model);
+      kind == v1::UNIT_KIND_GEOMETRY ? GeometryChannels(model) : PassChannels(model);
   if (absl::Status status = names.CheckEachOnce(wanted); !status.ok()) return status;
   size_t expected = wanted.size();
   const LevelSet levels = LevelsIn(kind, names);
@@ -446,7 +458,7 @@ absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::Pixe
       return absl::InvalidArgumentError(absl::StrCat("unit: has the level ", NameOf(Level::Of(i)),
                                                      ", but its job plans ", model.levels, " levels"));
     }
-    const std::vector<std::string>& of_level = LevelChannels(kind, i);
+    const std::vector<std::string>& of_level = LevelChannels(kind, i, model.carried.lens);
     if (absl::Status status = names.CheckEachOnce(of_level); !status.ok()) return status;
     expected += of_level.size();
   }

@@ -37,9 +37,9 @@ UnitModel ModelOf(const v1::JobSpec& spec);
 /// have levels (layers::LevelPassChannels), each with all of its channels.
 std::vector<std::string> PassChannels(const UnitModel& model = {});
 
-/// Channels of every geometry unit, all of them means. A unit may also have levels
+/// Channels of every geometry unit, all of them means but layers::kBlur. A unit may also have levels
 /// (layers::LevelFeatureChannels).
-const std::vector<std::string>& GeometryChannels();
+std::vector<std::string> GeometryChannels(const UnitModel& model = {});
 
 /// Channels of the fragments of a pass unit, all of them sums but pixel.X, pixel.Y and surface.Y; none if the
 /// model has no light of surfaces: then the units have no fragments.

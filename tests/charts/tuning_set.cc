@@ -9,7 +9,8 @@
 namespace lumifold::charts {
 namespace {
 
-constexpr std::array<std::string_view, 3> kTuningScenes = {"cornell-box", "meeting-room", "bedroom"};
+constexpr std::array<std::string_view, 6> kTuningScenes = {
+    "cornell-box", "meeting-room", "bedroom", "meeting-room-lens", "bedroom-lens", "chess-board-lens"};
 constexpr std::array<std::pair<int, int>, 4> kTuningSizes = {
     {{256, 192}, {512, 384}, {512, 512}, {1024, 768}}};
 

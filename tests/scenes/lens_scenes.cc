@@ -48,11 +48,11 @@ void PlacePieces(std::span<const Place> places, MaterialId material, const std::
 
 /// Small lamps in a row on the wall behind the board, which shine towards the camera.
 void PlaceFairyLights(SceneDescription* scene) {
-  const MaterialId glow = scene->Add(Emitter("fairy light", {60, 42, 18}));
+  const MaterialId glow = scene->Add(Emitter("fairy light", {20, 14, 6}));
   std::array<Vec3, 8> corners;
   for (size_t i = 0; i < corners.size(); ++i) {
     const double turn = Radians(45 * static_cast<double>(i));
-    corners[i] = Vec3{std::cos(turn), std::sin(turn), 0} * 0.006;
+    corners[i] = Vec3{std::cos(turn), std::sin(turn), 0} * 0.012;
   }
   Mesh bulb;
   AddFlatPolygon(bulb, corners);

@@ -77,6 +77,7 @@ inline std::optional<layers::Level> LevelOfTile(int32_t tile) {
 inline film::UnitModel FullModelOf(const v1::JobSpec& spec) {
   film::UnitModel model;
   model.has_matte = spec.background() == v1::BACKGROUND_TRANSPARENT;
+  model.carried.lens = spec.has_lens();
   return model;
 }
 
@@ -91,10 +92,10 @@ inline EdgedImage RandomUnit(const job::UnitKey& key, const Rect& rect, SampleRa
   std::uniform_real_distribution<float> value(0.0f, 1.0f);
   LayeredImage unit(rect.width(), rect.height());
   const bool is_pass = key.kind == v1::UNIT_KIND_PASS;
-  std::vector<std::string> names = is_pass ? film::PassChannels(model) : film::GeometryChannels();
+  std::vector<std::string> names = is_pass ? film::PassChannels(model) : film::GeometryChannels(model);
   if (const auto level = LevelOfTile(key.tile); level.has_value()) {
-    for (std::string& name :
-         is_pass ? layers::LevelPassChannels(*level) : layers::LevelFeatureChannels(*level))
+    for (std::string& name : is_pass ? layers::LevelPassChannels(*level, model.carried.lens)
+                                     : layers::LevelFeatureChannels(*level))
       names.push_back(std::move(name));
   }
   for (const std::string& name : names) {

@@ -89,6 +89,7 @@ Renderer::Renderer(std::shared_ptr<const scene::Scene> scene, std::unique_ptr<Em
       tracer_(*scene_, *embree_, settings.environment, settings.max_bounces, settings.mips, settings.plan,
               {settings.is_transparent, catchers_.get()}),
       warnings_(scene_->warnings) {
+  settings_.plan.layers.lens = camera_.HasLens();
   if (HasAbsorbingSolid(*scene_) && camera_.Viewpoint().has_value()) tracer_.SetCamera(*camera_.Viewpoint());
   if (!tracer_.HasLights() && !ShowsUnlit(*scene_))
     warnings_.emplace_back("the scene has no light: the picture is black");

@@ -56,7 +56,7 @@ void SampleBatch::Sum(const Packet& packet, std::span<const LayerSample> samples
   const bool is_edge = target_.edges->Has(packet.x, packet.y);
   for (size_t i = 0; i < packet.rays->size(); ++i) {
     if (!target_.counts->Add(IsFinite(samples[i]))) continue;
-    sums_.Add(samples[i], packet.rays->Index(i) & 1);
+    sums_.Add(samples[i], packet.rays->Index(i) & 1, target_.picture->HasLens());
     if (is_edge) by_surface_.Add(samples[i], packet.rays->Index(i) & 1);
   }
   if (!packet.is_last) return;

@@ -69,6 +69,14 @@ FilmSource::FilmSource(std::string name, std::string bytes, std::string cache_fo
 
 absl::StatusOr<FilmSource> FilmSource::Create(const std::string& scene_name,
                                               const std::string& cache_folder) {
+  for (const LensScene& seen : kLensScenes) {
+    if (seen.name != scene_name) continue;
+    absl::StatusOr<FilmSource> source = Create(std::string(seen.scene), cache_folder);
+    if (!source.ok()) return source;
+    source->name_ = scene_name;
+    source->lens_ = seen.lens;
+    return source;
+  }
   const scenes::SceneEntry* entry = scenes::FindScene(scene_name);
   if (entry == nullptr) return CreateFromFile(scene_name, cache_folder);
   return Create(entry->build(), cache_folder);
@@ -110,6 +118,7 @@ absl::StatusOr<FilmSource> FilmSource::CreateFromFile(const std::string& name,
 
 std::string FilmSource::HashOf(uint64_t seed) const {
   std::string key = absl::StrCat(rpc::Checksum(bytes_), " ", render::NumericClass(), " ", seed);
+  if (lens_.f_stop > 0) absl::StrAppend(&key, " ", lens_.f_stop, " ", lens_.focus_metres);
   if (sky_ != nullptr) absl::StrAppend(&key, " ", rpc::Checksum(sky_bytes_));
   return absl::StrFormat("%016x", rpc::Checksum(key));
 }
@@ -154,6 +163,7 @@ render::RenderSettings FilmSource::SettingsFor(const FilmSettings& settings) con
   render_settings.height = settings.height;
   render_settings.seed = settings.seed;
   render_settings.environment = sky_;
+  render_settings.lens = lens_;
   return render_settings;
 }
 
@@ -174,7 +184,9 @@ absl::StatusOr<RenderedFilm> FilmSource::Render(const FilmSettings& settings, Ta
 
 EdgedImage RenderFilm(const render::Renderer& renderer, const FilmSettings& settings, TileSize tile,
                       TaskPool* pool) {
-  film::FilmBuilder film(settings.width, settings.height);
+  film::UnitModel model;
+  model.carried.lens = renderer.camera().HasLens();
+  film::FilmBuilder film(settings.width, settings.height, model);
   const std::vector<Rect> tiles = TilesOf(settings, tile);
   ParallelFor(pool, static_cast<int64_t>(tiles.size()), [&](int64_t i) {
     RenderTile(renderer, tiles[static_cast<size_t>(i)], settings.samples, &film);

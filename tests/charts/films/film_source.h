@@ -1,13 +1,16 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "absl/status/statusor.h"
 #include "filter/image/edged_image.h"
 #include "filter/image/parallel.h"
 #include "tests/scenes/scene_description.h"
+#include "worker/render/geometry/camera.h"
 #include "worker/render/renderer.h"
 #include "worker/scene/scene.h"
 
@@ -18,6 +21,20 @@ struct RenderedFilm {
   EdgedImage film;
   double render_seconds = 0;
 };
+
+/// A scene seen through a lens. Apertures are wide, so that small pictures are as blurred as large ones.
+struct LensScene {
+  std::string_view name;
+  std::string_view scene;  // of scenes::FindScene
+  render::Lens lens;
+};
+inline constexpr std::array<LensScene, 6> kLensScenes = {
+    {{"chess-board-lens", "chess-board", {0.9f, 0.42f}},
+     {"meeting-room-lens", "meeting-room", {0.25f, 2.6f}},
+     {"bedroom-lens", "bedroom", {0.25f, 2.2f}},
+     {"foliage-lens", "foliage", {0.3f, 1.9f}},
+     {"atrium-lens", "atrium", {0.08f, 6}},
+     {"uplighter-lens", "uplighter", {0.25f, 2}}}};
 
 /// The seed of references. No film has it: common noise would hide errors.
 inline constexpr uint64_t kReferenceSeed = 777;
@@ -41,9 +58,9 @@ struct RenderRates {
 /// settings and the numeric class. A second run reads the film and the time of its rendering from the cache.
 class FilmSource {
  public:
-  /// `scene_name`: a scene of scenes::FindScene, or a file LUMIFOLD_SCENES_DIR/NAME.glb, with NAME-sky.exr as
-  /// its environment light if that file exists. Errors: kNotFound for a name that is neither; kUnavailable if
-  /// the cache folder cannot be made; those of the files.
+  /// `scene_name`: a scene of scenes::FindScene; one of kLensScenes; or a file LUMIFOLD_SCENES_DIR/NAME.glb,
+  /// with NAME-sky.exr as its environment light if that file exists. Errors: kNotFound for any other name;
+  /// kUnavailable if the cache folder cannot be made; those of the files.
   static absl::StatusOr<FilmSource> Create(const std::string& scene_name, const std::string& cache_folder);
 
   /// For a scene that is not in the list of named scenes.
@@ -79,6 +96,7 @@ class FilmSource {
   std::string sky_bytes_;
   std::shared_ptr<const render::Environment> sky_;  // null: black
   std::string cache_folder_;
+  render::Lens lens_;
 };
 
 struct TileSize {

@@ -35,6 +35,27 @@ TEST(UnitLayout, NamesFourHalvedLayersAndTheRest) {
   EXPECT_THAT(GeometryChannels(), SizeIs(9));
 }
 
+TEST(UnitLayout, ALensPutsWhatItMakesVaryIntoHalves) {
+  v1::JobSpec spec;
+  *spec.mutable_plan() = MadeUpPlan();
+  EXPECT_EQ(PassChannels(ModelOf(spec)), PassChannels());
+  EXPECT_EQ(GeometryChannels(ModelOf(spec)), GeometryChannels());
+  spec.mutable_lens()->set_f_stop(2);
+  const UnitModel model = ModelOf(spec);
+  EXPECT_THAT(PassChannels(model), SizeIs(4 * 2 * 3 + 3 * 2 * 3 + 2));
+  EXPECT_THAT(PassChannels(model), Contains("albedo_b.R"));
+  EXPECT_THAT(PassChannels(model), ::testing::Not(Contains("albedo.R")));
+  EXPECT_THAT(GeometryChannels(model), Contains("blur.Y"));
+  for (const v1::UnitKind kind : {v1::UNIT_KIND_PASS, v1::UNIT_KIND_GEOMETRY}) {
+    constexpr int32_t kWithLevel = 1;
+    const v1::PixelLayout layout =
+        rpc::LayoutOf(RandomUnit({0, kWithLevel, 0, kind}, kRect, {0, 4}, 1, model).pixels);
+    EXPECT_TRUE(CheckUnitLayout(kind, kRect, layout, model).ok());
+    EXPECT_FALSE(CheckUnitLayout(kind, kRect, layout, ModelOf({})).ok());
+    EXPECT_FALSE(CheckUnitLayout(kind, kRect, Layout(kind, kWithLevel), model).ok());
+  }
+}
+
 TEST(UnitLayout, ADecisionAgainstALayerTakesItsChannelsAway) {
   const std::vector<std::pair<std::string_view, std::vector<std::string_view>>> layers_of = {
       {decisions::kDirect, {layers::kDirect}},

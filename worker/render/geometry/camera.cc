@@ -47,6 +47,7 @@ PictureCamera::PictureCamera(const scene::Camera& camera, const Lens& lens, cons
   lens_.focus = lens.focus_metres;
   lens_.x = right * radius;
   lens_.y = up * radius;
+  lens_.blur = 2 * radius / (plane_.pixel * lens_.focus);
   has_lens_ = true;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <optional>
 
@@ -57,6 +58,9 @@ class PictureCamera {
   void SetRay(scene::Vec2 point, scene::Vec2 lens, float pixels, Ray* ray) const;
 
   bool HasLens() const { return has_lens_; }
+  /// Diameter in pixels of the disc that the lens makes of a point at this distance along the view axis,
+  /// which may be infinite; 0 for a pinhole.
+  float BlurAt(float planar_depth) const { return lens_.blur * std::abs(1 - lens_.focus / planar_depth); }
 
   /// For row vectors, row by row: to a space that looks down its -Z with +Y up, and from it to the whole
   /// frame, -1 to 1 from left to right and from bottom to top.
@@ -93,6 +97,7 @@ class PictureCamera {
     float focus = 1;  // as Lens::focus_metres
     scene::Vec3 x;    // the lens's radius, to the right
     scene::Vec3 y;    // the lens's radius, up
+    float blur = 0;   // its diameter in pixels of the plane of focus
   };
 
   FrameWindow frame_;

@@ -48,13 +48,13 @@ constexpr float kBrightLuminance = 1;
 constexpr std::array<uint32_t, 2> kFineRays = {256, 1024};
 constexpr float kRefinedRange = 8;
 
-/// Point i of a scrambled (0,2)-sequence in a pixel, of whose first 4^k points each cell of the grid has as
-/// many. A fixed pattern, however even, has lines that fall between its points, and edges of all slopes
-/// occur: such a pixel has a wrong share of a lamp with any number of samples. Scrambled anew in each pixel,
-/// the error has no sign in common.
-Vec2 FinePoint(int64_t pixel, uint32_t i) {
-  constexpr uint64_t kSeed = 0x66696e65;                      // not that of any frame's samples
-  return Sampler(kSeed, 0, pixel, 2 * i).Get2D(kCameraPair);  // those of one half
+/// The random numbers of ray i beside a lamp: points of a scrambled (0,2)-sequence in the pixel, of whose
+/// first 4^k each cell of the grid has as many. A fixed pattern, however even, has lines that fall between
+/// its points, and edges of all slopes occur: such a pixel has a wrong share of a lamp with any number of
+/// samples. Scrambled anew in each pixel, the error has no sign in common.
+Sampler SamplerOf(int64_t pixel, uint32_t i) {
+  constexpr uint64_t kSeed = 0x66696e65;   // not that of any frame's samples
+  return Sampler(kSeed, 0, pixel, 2 * i);  // those of one half
 }
 
 /// The sub-sample whose cell holds the point.
@@ -76,16 +76,22 @@ struct FineEmission {
   }
 };
 
-/// Where the ray of a sub-sample passes the lens: each centre of another 4x4 grid once, so that every row and
+/// Where the ray of a sub-sample passes the lens: each cell of another 4x4 grid once, so that every row and
 /// every column of sub-samples covers every row and every column of the lens grid (two orthogonal Latin
-/// squares, from sums and products in the field of four elements).
-Vec2 LensPointOf(int sub_sample) {
+/// squares, from sums and products in the field of four elements). The grid is shifted anew in each pixel:
+/// with one for all, what is out of focus would be seen sixteen times.
+Vec2 LensPointOf(int64_t pixel, int sub_sample) {
   constexpr int kTwice[kGrid] = {0, 2, 3, 1};
   const int x = sub_sample % kGrid;
   const int y = sub_sample / kGrid;
   const int column = x ^ y;
   const int row = x ^ kTwice[y];
-  return {(static_cast<float>(column) + 0.5f) / kGrid, (static_cast<float>(row) + 0.5f) / kGrid};
+  const Vec2 shift = SamplerOf(pixel, 0).Get2D(kLensPair);
+  const auto at = [](int cell, float offset) {
+    const float point = static_cast<float>(cell) / kGrid + offset;
+    return point < 1 ? point : point - 1;
+  };
+  return {at(column, shift.x), at(row, shift.y)};
 }
 
 /// The most frequent id, the lowest on ties; 0 for an empty list.
@@ -129,17 +135,19 @@ struct SurfaceMeans {
 /// The channels of a geometry unit.
 class GeometryPicture {
  public:
-  GeometryPicture(int width, int height)
+  GeometryPicture(int width, int height, bool has_lens)
       : image_(width, height), levels_(width, height, layers::LevelFeatureChannels) {
     for (size_t i = 0; i < layers::kLevelFeatures.size(); ++i)
       surface_[i] = image_.Add(layers::kLevelFeatures[i]);
     planar_depth_ = image_.Add(layers::kPlanarDepth);
     roughness_ = image_.Add(layers::kRoughness);
     alpha_ = image_.Add(layers::kAlpha);
+    if (has_lens) blur_ = image_.Add(layers::kBlur);
   }
 
   void Store(int x, int y, std::span<const GeometrySample> samples, const PictureCamera& camera) {
     const auto count = static_cast<float>(samples.size());
+    if (!blur_.IsEmpty()) blur_.At(x, y) = LargestBlur(samples, camera);
     SurfaceMeans first;
     std::array<SurfaceMeans, layers::kLevelCount> levels;
     float planar_depth = 0;
@@ -171,12 +179,22 @@ class GeometryPicture {
   }
 
  private:
+  static float LargestBlur(std::span<const GeometrySample> samples, const PictureCamera& camera) {
+    float largest = 0;
+    for (const GeometrySample& s : samples) {
+      constexpr float kFar = std::numeric_limits<float>::infinity();
+      largest = std::max(largest, camera.BlurAt(s.hit ? camera.PlanarDepth(s.position) : kFar));
+    }
+    return largest;
+  }
+
   LayeredImage image_;
   LevelImages levels_;
   std::array<FloatView, layers::kLevelFeatures.size()> surface_;
   FloatView planar_depth_;
   FloatView roughness_;
   FloatView alpha_;
+  FloatView blur_;  // empty: no lens
 };
 
 /// Goes over the pixels of a rectangle with the first samples of each. Keeps those of three rows, which the
@@ -255,8 +273,8 @@ class PixelScan {
   }
 
   Ray RayOf(int x, int y, int sub_sample) const {
-    return RayAt(x, y, PointOf(sub_sample), LensPointOf(sub_sample), kGrid,
-                 static_cast<uint32_t>(sub_sample));
+    const Vec2 lens = camera_.HasLens() ? LensPointOf(camera_.NumberOf(x, y), sub_sample) : Vec2{};
+    return RayAt(x, y, PointOf(sub_sample), lens, kGrid, static_cast<uint32_t>(sub_sample));
   }
 
   /// The ray of this number through a point in the pixel, one of a grid of `side` rays a side.
@@ -275,9 +293,10 @@ class PixelScan {
     std::array<size_t, PathTracer::kPacket> cells;
     TraceRays(fine, [&](size_t i) {
       const uint32_t number = first + static_cast<uint32_t>(i);
-      const Vec2 point = FinePoint(camera_.NumberOf(x, y), number);
+      const Sampler sampler = SamplerOf(camera_.NumberOf(x, y), number);
+      const Vec2 point = sampler.Get2D(kCameraPair);
       cells[i] = CellOf(point);
-      return RayAt(x, y, point, LensPointOf(static_cast<int>(cells[i])), kSide, kSubSamples + number);
+      return RayAt(x, y, point, sampler.Get2D(kLensPair), kSide, kSubSamples + number);
     });
     for (size_t i = 0; i < fine.size(); ++i) emission->Add(cells[i], fine[i].emitted);
   }
@@ -347,7 +366,7 @@ std::array<GeometrySample, kSubSamples> AllSamples(const PixelScan& scan, int x,
 GeometryUnit RenderGeometryUnit(const PathTracer& tracer, const PictureCamera& camera, const Rect& frame,
                                 const Rect& rect, const std::atomic<bool>* stop) {
   const PixelScan scan(tracer, camera, frame, rect);
-  GeometryPicture picture(rect.width(), rect.height());
+  GeometryPicture picture(rect.width(), rect.height(), camera.HasLens());
   EdgeRows edges;
   EdgeMask mask(rect);
   scan.ForEachPixel(stop, [&](int x, int y, const PixelScan::Pixel& pixel, PixelScan::Place place) {

@@ -15,7 +15,7 @@ namespace lumifold::render {
 /// Sums over the samples of one pixel that reach a level.
 struct LevelSums {
   std::array<std::array<scene::Vec3, layers::kLevelHalved.size()>, 2> halved;  // by half, then by layer
-  std::array<scene::Vec3, layers::kLevelWhole.size()> whole;
+  std::array<std::array<scene::Vec3, layers::kLevelWhole.size()>, 2> whole;    // as in PixelSums
   std::array<float, 2> count = {0, 0};  // samples that hit a surface with a diffuse lobe, by half
 };
 
@@ -32,13 +32,14 @@ struct MatteSums {
 /// Sums over the samples of one pixel.
 struct PixelSums {
   std::array<std::array<scene::Vec3, layers::kHalved.size()>, 2> halved;
-  std::array<scene::Vec3, layers::kWhole.size()> whole;
+  std::array<std::array<scene::Vec3, layers::kWhole.size()>, 2>
+      whole;  // by half with a lens, else all in the first
   std::array<float, 2> count = {0, 0};
   MatteSums matte;
   ByLevel<LevelSums> levels;
 
   /// `half` is 0 for A, 1 for B.
-  void Add(const LayerSample& sample, size_t half);
+  void Add(const LayerSample& sample, size_t half, bool lens);
 };
 
 /// The channels of a pass.
@@ -47,12 +48,14 @@ class PassPicture {
   /// `carried`: the layers that the picture has besides C. `has_matte`: it has layers::kMatte.
   PassPicture(int width, int height, const TracingPlan::Layers& carried = {}, bool has_matte = false);
 
+  bool HasLens() const { return lens_; }
   void Store(int x, int y, const PixelSums& sums);
   /// Moves the picture out; levels come last.
   LayeredImage Take();
 
  private:
   LayeredImage image_;
+  const bool lens_;
   LevelImages levels_;
   /// A layer that the picture has, by its number in PixelSums.
   template <typename Views>
@@ -61,7 +64,7 @@ class PassPicture {
     Views views;
   };
   std::vector<Carried<std::array<ColorView, 2>>> halved_;
-  std::vector<Carried<ColorView>> whole_;
+  std::vector<Carried<std::array<ColorView, 2>>> whole_;  // the second with a lens alone
   std::array<FloatView, 2> count_;
   std::vector<FloatView> matte_;  // empty: none
 };

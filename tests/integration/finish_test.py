@@ -76,7 +76,9 @@ class FinishTest(unittest.TestCase):
 
             self.expect_same(data, farm, self.job_until(farm, finished))
             log = farm.server.log_text()
-            self.assertEqual(log.count("event=frame_leased") - log.count("event=frame_came_back"), finished())
+            leased = log.count("event=frame_leased") - log.count("event=frame_came_back")
+            wait_until(lambda: finished() >= leased, "the workers' last lines")
+            self.assertEqual(finished(), leased)
             self.assertEqual(log.count("event=frame_finished"), FRAMES * log.count("event=job_submitted"))
 
     def test_workers_compare_the_results_of_an_audited_job(self):

@@ -16,6 +16,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "lumifold/v1/farm.grpc.pb.h"
+#include "proto/identity/secrets.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/checksum.h"
 
@@ -23,7 +24,6 @@ namespace lumifold::page {
 namespace {
 
 using ::testing::AllOf;
-
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -84,31 +84,38 @@ struct Answer {
   nlohmann::json json() const { return nlohmann::json::parse(body); }
 };
 
+/// The one whose secret is "secret of ID".
+access::NewCredential TokenOf(const std::string& id) {
+  return {.credential = {.id = id,
+                         .form = access::CredentialForm::kToken,
+                         .name = "of " + id,
+                         .scopes = {access::Scope::kRead, access::Scope::kSubmit},
+                         .token_lifetime = absl::ZeroDuration(),
+                         .created = absl::InfinitePast(),
+                         .expires = absl::InfiniteFuture()},
+          .sha256 = identity::HashOf("secret of " + id)};
+}
+
 class StatusPageTest : public ::testing::Test {
  protected:
   StatusPageTest() {
+    for (const char* id : {"t-1", "t-7"}) known_.Add(TokenOf(id));
+    access::NewCredential gone = TokenOf("t-gone");
+    gone.credential.end = access::Credential::End::kRevoked;
+    known_.Add(gone);
     grpc::ServerBuilder builder;
     builder.RegisterService(&farm_);
     server_ = builder.BuildAndStart();
-    absl::StatusOr<std::unique_ptr<StatusPage>> page = StatusPage::Start(
-        {.address = "127.0.0.1:0",
-         .certificate_path = "",
-         .host = "farm.example",
-         .names = {},
-         .channel = server_->InProcessChannel({}),
-         .session_key = "secret",
-         .identity_of = [](const std::string& credential) -> absl::StatusOr<access::Identity> {
-           if (credential == "t-gone") return absl::UnauthenticatedError("it was revoked");
-           return access::Identity{.name = "of " + credential,
-                                   .scopes = {access::Scope::kRead, access::Scope::kSubmit},
-                                   .id = credential};
-         },
-         .owner_of_token = [](absl::string_view token) -> absl::StatusOr<access::Identity> {
-           if (token == "token") return access::Identity{.name = "ann", .scopes = {}, .id = "t-7"};
-           return absl::UnauthenticatedError("no such token");
-         },
-         .wall_now = [this] { return now_; },
-         .viewers = 2});
+    absl::StatusOr<std::unique_ptr<StatusPage>> page =
+        StatusPage::Start({.address = "127.0.0.1:0",
+                           .certificate_path = "",
+                           .host = "farm.example",
+                           .names = {},
+                           .channel = server_->InProcessChannel({}),
+                           .session_key = "secret",
+                           .known = &known_,
+                           .wall_now = [this] { return now_; },
+                           .viewers = 2});
     EXPECT_TRUE(page.ok()) << page.status();
     page_ = *std::move(page);
   }
@@ -160,6 +167,7 @@ class StatusPageTest : public ::testing::Test {
   }
 
   ScriptedFarm farm_;
+  access::KnownCredentials known_;
   std::unique_ptr<grpc::Server> server_;
   absl::Time now_ = absl::FromUnixSeconds(1'000'000);
   std::unique_ptr<StatusPage> page_;
@@ -232,7 +240,7 @@ TEST_F(StatusPageTest, ASessionIsThatOfALinkUntilItsEndOrOfAToken) {
   EXPECT_EQ(of_link.at("job"), "j-1");
   EXPECT_EQ(of_link.at("read_only"), true);
   EXPECT_EQ(of_link.at("expires_unix_ms"), absl::ToUnixMillis(now_ + absl::Hours(1)));
-  const nlohmann::json of_token = AskAs("token", "GET /api/session").json();
+  const nlohmann::json of_token = AskAs("secret of t-7", "GET /api/session").json();
   EXPECT_EQ(of_token.at("user"), "of t-7");
   EXPECT_EQ(of_token.at("read_only"), false);
   EXPECT_EQ(AskAs("another", "GET /api/session").code, 401);

@@ -126,15 +126,17 @@ TEST(Camera, APointOutOfFocusBecomesADiskOfTheExpectedSize) {
   const auto renderer = MakeRenderer(scene, settings);
   RenderCounts counts;
   const LayeredImage image = renderer->RenderPass(kMiddle, 0, {0, 4096}, &counts).pixels;
-  const ConstFloatView light = image.GetColor(layers::kEmission)[0];
+  const ConstFloatView light_a = image.GetColor(layers::HalfA(layers::kEmission))[0];
+  const ConstFloatView light_b = image.GetColor(layers::HalfB(layers::kEmission))[0];
   double total = 0;
   double moment = 0;
   for (int y = 0; y < kMiddle.height(); ++y) {
     for (int x = 0; x < kMiddle.width(); ++x) {
       const double dx = x + kMiddle.x0 + 0.5 - kSize / 2.0;
       const double dy = y + kMiddle.y0 + 0.5 - kSize / 2.0;
-      total += static_cast<double>(light.At(x, y));
-      moment += static_cast<double>(light.At(x, y)) * (dx * dx + dy * dy);
+      const auto light = static_cast<double>(light_a.At(x, y) + light_b.At(x, y));
+      total += light;
+      moment += light * (dx * dx + dy * dy);
     }
   }
   ASSERT_GT(total, 0);
@@ -166,6 +168,23 @@ TEST(Camera, GeometryIsSeenThroughTheLens) {
   };
   EXPECT_LE(edge_width(4), 1);
   EXPECT_GE(edge_width(2), 4);
+}
+
+TEST(Camera, ThePictureTellsHowFarEachPixelIsBlurred) {
+  scene::Scene scene;
+  scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f})};
+  testing::Place(&scene, testing::QuadMesh({0, -9, -4}, {9, 0, 0}, {0, 18, 0}, 0));  // the right half
+  scene.cameras = {Forward()};
+  RenderSettings settings = SettingsOf(32, 32);
+  settings.lens = {2, 3};
+  const LayeredImage geometry = MakeRenderer(scene, settings)->RenderGeometry({0, 16, 32, 17}, 0).pixels;
+  const ConstFloatView blur = geometry.Get(layers::kBlur);
+  const double pixel = 2 * std::tan(static_cast<double>(kYfov) / 2) / 32;  // at distance 1
+  const double of_far = 2 * LensRadius(2) / 3 / pixel;
+  EXPECT_NEAR(static_cast<double>(blur.At(2, 0)), of_far, 1e-3 * of_far) << "nothing is hit";
+  EXPECT_NEAR(static_cast<double>(blur.At(29, 0)), of_far / 4, 1e-3 * of_far) << "at 4 m";
+  settings.lens = {};
+  EXPECT_FALSE(MakeRenderer(scene, settings)->RenderGeometry({0, 16, 32, 17}, 0).pixels.Has(layers::kBlur));
 }
 
 TEST(Camera, ALensNeedsAFocusAndAPerspectiveCamera) {

@@ -8,7 +8,6 @@
 #include "absl/status/statusor.h"
 #include "filter/baselines/method_info.h"
 #include "filter/blocks.h"
-#include "filter/denoise/stage.h"
 #include "filter/image/film_source.h"
 #include "filter/image/filtered_picture.h"
 #include "filter/image/layered_image.h"

@@ -5,6 +5,7 @@
 #include "filter/denoise/frame_halves.h"
 #include "filter/denoise/layer_stages.h"
 #include "filter/denoise/stage.h"
+#include "filter/image/filtered_picture.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/layers/fragments.h"

@@ -39,10 +39,6 @@ using SwitchedOff = std::vector<std::string>;
 /// Told the name of each stage when it has ended; for the stages of a layer, once for each layer.
 using StageWatch = std::function<void(std::string_view stage)>;
 
-/// Told the share of a film that is filtered, by the caller's thread: it rises, below 1, at whatever steps
-/// the method has.
-using FilterProgress = std::function<void(double share)>;
-
 bool IsOff(const SwitchedOff& off, std::string_view name);
 
 }  // namespace lumifold::filter

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <functional>
+
 #include "filter/image/planes.h"
 
 namespace lumifold {
@@ -16,5 +18,9 @@ struct FilteredPicture {
   /// nothing returns.
   Picture returned;
 };
+
+/// Told the share of a film that is filtered, by the caller's thread: it rises, below 1, at whatever steps
+/// the method has.
+using FilterProgress = std::function<void(double share)>;
 
 }  // namespace lumifold

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/notification.h"
 #include "lumifold/v1/farm.grpc.pb.h"
+#include "proto/rpc/message_json.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/status_codec.h"
 #include "server/access/caller_check.h"
@@ -45,16 +46,6 @@ absl::Status CheckSession(const v1::PageSession& session, bool is_of_job, const 
 
 }  // namespace
 
-std::string JsonOf(const Message& message) {
-  google::protobuf::util::JsonPrintOptions options;
-  options.always_print_primitive_fields = true;
-  options.preserve_proto_field_names = true;
-  std::string json;
-  // Strings that are no UTF-8 do not come through gRPC, so that nothing can fail.
-  (void)google::protobuf::util::MessageToJsonString(message, &json, options);
-  return json;
-}
-
 absl::StatusOr<std::string> FarmCalls::CallInJson(const v1::PageSession& session, const std::string& method,
                                                   const std::string& request) const {
   const auto call = PageCalls().find(method);
@@ -70,7 +61,7 @@ absl::StatusOr<std::string> FarmCalls::CallInJson(const v1::PageSession& session
     return absl::InvalidArgumentError(absl::StrCat(method, ": ", std::string(parsed.message())));
   if (absl::Status status = CheckSession(session, call->second, *sent); !status.ok()) return status;
   if (absl::Status status = Call(session, method, *sent, answer.get()); !status.ok()) return status;
-  return JsonOf(*answer);
+  return rpc::JsonOf(*answer);
 }
 
 void FarmCalls::NameCaller(const v1::PageSession& session, grpc::ClientContext* context) {

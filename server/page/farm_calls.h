@@ -45,7 +45,4 @@ class FarmCalls {
   const std::shared_ptr<grpc::Channel> channel_;
 };
 
-/// A message as CallInJson answers it.
-std::string JsonOf(const google::protobuf::Message& message);
-
 }  // namespace lumifold::page

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "proto/rpc/message_json.h"
 #include "server/page/farm_calls.h"
 
 namespace lumifold::page {
@@ -36,7 +37,7 @@ void TakeJobs(const std::vector<v1::JobStatus>& jobs, bool more, FarmLook* look)
   look->order.clear();
   for (const v1::JobStatus& job : jobs) {
     FarmLook::Part part = std::move(before[job.job_id()]);
-    Renew(&part, JsonOf(job), look->number);
+    Renew(&part, rpc::JsonOf(job), look->number);
     look->jobs.emplace(job.job_id(), std::move(part));
     look->order.push_back(job.job_id());
   }
@@ -73,7 +74,7 @@ absl::Status LookAtWorkers(const FarmCalls& calls, const v1::PageSession& sessio
   } while (!request.page_token().empty() && all.workers_size() < kMostWorkers);
   std::vector<std::string> workers;
   workers.reserve(static_cast<size_t>(all.workers_size()));
-  for (const v1::WorkerStatus& worker : all.workers()) workers.push_back(JsonOf(worker));
+  for (const v1::WorkerStatus& worker : all.workers()) workers.push_back(rpc::JsonOf(worker));
   Renew(&look->workers,
         absl::StrCat("{\"workers\":[", absl::StrJoin(workers, ","),
                      "],\"more\":", request.page_token().empty() ? "false" : "true", "}"),
@@ -89,7 +90,7 @@ absl::Status LookAtServer(const FarmCalls& calls, const v1::PageSession& session
   // It changes with every block that is written; a page needs it to some megabytes.
   constexpr uint64_t kStep = uint64_t{1} << 26;
   server.set_free_bytes(server.free_bytes() / kStep * kStep);
-  Renew(&look->server, JsonOf(server), look->number);
+  Renew(&look->server, rpc::JsonOf(server), look->number);
   return absl::OkStatus();
 }
 

@@ -1,8 +1,7 @@
 #include "server/webhooks/message.h"
 
-#include <google/protobuf/util/json_util.h>
-
 #include "absl/strings/str_cat.h"
+#include "proto/rpc/message_json.h"
 #include "server/access/mac.h"
 
 namespace lumifold::webhooks {
@@ -25,12 +24,7 @@ std::string MessageOf(const v1::JobStatus& ended, const std::string& delivery_id
   if (ended.frames_done() > 0) links["results"] = absl::StrCat("/api/results?job=", ended.job_id());
   if (ended.state() == v1::JOB_STATE_DONE)
     links["result"] = absl::StrCat("/api/result?job=", ended.job_id(), "&frame=", ended.first_frame());
-  google::protobuf::util::JsonPrintOptions options;
-  options.always_print_primitive_fields = true;
-  options.preserve_proto_field_names = true;
-  std::string json;
-  (void)google::protobuf::util::MessageToJsonString(message, &json, options);
-  return json;
+  return rpc::JsonOf(message);
 }
 
 std::string SignatureOf(absl::string_view secret, int64_t timestamp, absl::string_view body) {

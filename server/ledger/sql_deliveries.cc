@@ -36,7 +36,7 @@ absl::StatusOr<std::vector<Delivery>> TakeDeliveries(SqlConnection& db, const st
                                                      absl::Time now, absl::Time until, int max) {
   std::vector<Delivery> taken;
   // The last condition is for a coordinator that has waited for another one to take the same rows.
-  const absl::Status status = db.Query(
+  absl::Status status = db.Query(
       "UPDATE deliveries SET due_ms = $1, tries = tries + 1 WHERE number IN"
       " (SELECT number FROM deliveries WHERE state = $2 AND origin = $3 AND due_ms <= $4"
       "  ORDER BY due_ms, number LIMIT $5) AND state = $2 AND due_ms <= $4"
@@ -71,7 +71,7 @@ absl::Status RecordDelivered(SqlConnection& db, int64_t number) {
 
 absl::StatusOr<std::vector<DeliveryReport>> GiveUpDeliveries(SqlConnection& db, absl::Time created_before) {
   std::vector<DeliveryReport> given_up;
-  const absl::Status status = db.Query(
+  absl::Status status = db.Query(
       "UPDATE deliveries SET state = $1, body = $2 WHERE state = $3 AND created_ms < $4 RETURNING"
       " id, (SELECT id FROM jobs WHERE jobs.number = deliveries.job), state, tries, error",
       {kGivenUp, SqlBytes{""}, kWaiting, absl::ToUnixMillis(created_before)},
@@ -89,7 +89,7 @@ absl::StatusOr<int64_t> CountWaitingDeliveries(SqlConnection& db) {
 
 absl::StatusOr<std::optional<DeliveryReport>> QueryLastDelivery(SqlConnection& db, const job::JobId& job) {
   std::optional<DeliveryReport> last;
-  const absl::Status status = db.Query(
+  absl::Status status = db.Query(
       "SELECT deliveries.id, jobs.id, deliveries.state, tries, deliveries.error FROM deliveries"
       " JOIN jobs ON jobs.number = deliveries.job WHERE jobs.id = $1"
       " ORDER BY deliveries.number DESC LIMIT 1",

@@ -81,9 +81,8 @@ void Poster::Start(const PostRequest& request) {
   call->answer_bytes_left = limits_.answer_bytes;
   for (const std::string& header : request.headers) {
     curl_slist* const longer = curl_slist_append(call->headers.get(), header.c_str());
-    if (longer == nullptr) continue;  // without memory; the receiver refuses what lacks a header
-    (void)call->headers.release();
-    call->headers.reset(longer);
+    // Without memory there is none; the receiver refuses what lacks a header.
+    if (call->headers == nullptr) call->headers.reset(longer);
   }
   CURL* const curl = curl_easy_init();
   LUMIFOLD_CHECK(curl != nullptr);  // out of memory

@@ -95,12 +95,13 @@ void Webhooks::Wake() {
 absl::StatusOr<std::optional<v1::WebhookDelivery>> Webhooks::StatusOf(const std::string& job) const {
   const absl::StatusOr<std::optional<ledger::DeliveryReport>> last = around_.queue->LastOf(job::JobId(job));
   if (!last.ok()) return last.status();
-  if (!last->has_value()) return std::nullopt;
+  const std::optional<ledger::DeliveryReport>& report = *last;
+  if (!report.has_value()) return std::nullopt;
   v1::WebhookDelivery delivery;
-  delivery.set_delivery_id((*last)->id);
-  delivery.set_tries((*last)->tries);
-  delivery.set_error((*last)->error);
-  switch ((*last)->state) {
+  delivery.set_delivery_id(report->id);
+  delivery.set_tries(report->tries);
+  delivery.set_error(report->error);
+  switch (report->state) {
     case ledger::DeliveryState::kWaiting:
       delivery.set_state(v1::WebhookDelivery::STATE_WAITING);
       break;

@@ -130,6 +130,8 @@ class StatusPageTest : public ::testing::Test {
   /// A connection over which `text` has been sent.
   rpc::FileHandle Send(const std::string& text) const {
     rpc::FileHandle caller(socket(AF_INET, SOCK_STREAM, 0));
+    if (caller.get() < 0) ADD_FAILURE() << "no socket";
+    if (caller.get() < 0) return caller;
     sockaddr_in address = {};
     address.sin_family = AF_INET;
     address.sin_port = htons(static_cast<uint16_t>(page_->port()));

@@ -21,6 +21,7 @@ TEST(WebhookSecret, IsMadeOnceForAllWhoShareTheFolder) {
   const std::string path = folder.PathOf("webhook.secret");
   std::vector<std::string> secrets(8);
   std::vector<std::thread> threads;
+  threads.reserve(secrets.size());
   for (std::string& secret : secrets)
     threads.emplace_back([&secret, &path] { secret = ReadOrMakeSecret(path).value_or("none"); });
   for (std::thread& thread : threads) thread.join();
@@ -36,10 +37,12 @@ TEST(WebhookSecret, IsTheFirstLineOfAFileThatOthersCannotRead) {
   const TempFolder folder;
   const std::string path = folder.PathOf("secret");
   EXPECT_EQ(ReadSecret(path).status().code(), StatusCode::kNotFound);
+  using std::filesystem::perms;
+  constexpr perms kOfOwner = perms::owner_read | perms::owner_write;
   std::ofstream(path) << "a secret of the operator \nsecond line\n";
-  std::filesystem::permissions(path, std::filesystem::perms(0640));
+  std::filesystem::permissions(path, kOfOwner | perms::group_read);
   EXPECT_EQ(ReadSecret(path).status().code(), StatusCode::kFailedPrecondition);
-  std::filesystem::permissions(path, std::filesystem::perms(0600));
+  std::filesystem::permissions(path, kOfOwner);
   EXPECT_EQ(*ReadSecret(path), "a secret of the operator");
   std::ofstream(path) << "short\n";
   EXPECT_EQ(ReadSecret(path).status().code(), StatusCode::kInvalidArgument);

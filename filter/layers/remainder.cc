@@ -1,6 +1,7 @@
 #include "filter/layers/remainder.h"
 
 #include <cmath>
+#include <optional>
 
 #include "filter/layers/features.h"
 #include "filter/layers/magnitude.h"
@@ -68,26 +69,33 @@ Planes RemainderGeometry(const Frame& frame, const Rect& box, ConstFloatView val
   return GeometryFeatures({Crop(views.normal, box), views.distance.Crop(box)}, validity, params.ranges, pool);
 }
 
-void AddEmission(const Frame& frame, float factor, TaskPool* pool, Planes* sum) {
-  AddTo(frame.emission, factor, pool, sum);
+/// Adds factor * (E + E of all levels), of a half or, without one, of the mean.
+void AddEmission(const Frame& frame, std::optional<size_t> half, float factor, TaskPool* pool, Planes* sum) {
+  AddTo(half.has_value() ? frame.surface.emission_of[*half] : frame.emission, factor, pool, sum);
   for (const LevelViews& level : frame.levels) {
-    if (!level.emission[0].IsEmpty()) AddTo(level.emission, factor, pool, sum);
+    if (level.emission[0].IsEmpty()) continue;
+    AddTo(half.has_value() ? level.surface.emission_of[*half] : level.emission, factor, pool, sum);
   }
+}
+
+Planes WithoutEmissionOf(const Frame& frame, std::optional<size_t> half, const ConstColorView& combined,
+                         TaskPool* pool) {
+  Planes rest = MakePlanes(3, frame.width, frame.height);
+  AddTo(combined, 1, pool, &rest);
+  AddEmission(frame, half, -1, pool, &rest);
+  return rest;
 }
 
 }  // namespace
 
 Planes EmissionOf(const Frame& frame, TaskPool* pool) {
   Planes emission = MakePlanes(3, frame.width, frame.height);
-  AddEmission(frame, 1, pool, &emission);
+  AddEmission(frame, std::nullopt, 1, pool, &emission);
   return emission;
 }
 
 Planes WithoutEmission(const Frame& frame, const ConstColorView& combined, TaskPool* pool) {
-  Planes rest = MakePlanes(3, frame.width, frame.height);
-  AddTo(combined, 1, pool, &rest);
-  AddEmission(frame, -1, pool, &rest);
-  return rest;
+  return WithoutEmissionOf(frame, std::nullopt, combined, pool);
 }
 
 Planes MeanOfHalves(const Frame& frame, const Planes& a, const Planes& b, TaskPool* pool) {
@@ -102,17 +110,9 @@ Planes MeanOfHalves(const Frame& frame, const Planes& a, const Planes& b, TaskPo
 }
 
 Remainder WithoutEmission(const Frame& frame, TaskPool* pool) {
-  Remainder rest;
-  for (size_t h = 0; h < 2; ++h) {
-    Planes& half = h == 0 ? rest.a : rest.b;
-    half = MakePlanes(3, frame.width, frame.height);
-    AddTo(h == 0 ? frame.combined.a : frame.combined.b, 1, pool, &half);
-    AddTo(frame.surface.emission_of[h], -1, pool, &half);
-    for (const LevelViews& level : frame.levels) {
-      if (!level.emission[0].IsEmpty()) AddTo(level.surface.emission_of[h], -1, pool, &half);
-    }
-  }
-  return rest;
+  return {WithoutEmissionOf(frame, 0, frame.combined.a, pool),
+          WithoutEmissionOf(frame, 1, frame.combined.b, pool),
+          {}};
 }
 
 bool IsRounding(const Remainder& remainder, const Frame& frame, TaskPool* pool) {

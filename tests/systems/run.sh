@@ -8,7 +8,7 @@
 #   all         quickstart, unit and farm (default)
 #   tests       tests/run.sh
 #   cross       compiles the programs and the renderer's tests for arm64, and runs them in an emulator: the only step of arm64
-#   gate        for tests/run.sh of this system: builds everything and renders a picture, where the root exists
+#   gate        for tests/run.sh of this system: builds everything and renders a picture, where `all` has passed once
 # Roots are kept, with what was built in them, below LUMIFOLD_SYSTEMS_DIR (default: ~/.cache/lumifold/systems). The sources are
 # those of the working tree. Exit code 77: it cannot run here, and says why.
 set -euo pipefail
@@ -91,11 +91,12 @@ run_step() {
   esac
 }
 
-if [ ! -d "$root" ]; then
-  [ "$step" != gate ] || skip "$root does not exist (tests/systems/run.sh $system makes it)"
-  make_root
-fi
+# Whoever interrupts a step leaves a root in which little is built: no part of the gate, which would build the rest.
+passed=$(dirname "$root")/passed
+[ "$step" != gate ] || [ -e "$passed" ] || skip "$system has not passed here before (tests/systems/run.sh $system)"
+[ -d "$root" ] || make_root
 copy_sources
 steps=$step
 [ "$step" = all ] && steps="quickstart unit farm"
 for one in $steps; do run_step "$one"; done
+[ "$step" != all ] || touch "$passed"

@@ -31,6 +31,7 @@ AS_DIFFUSE, AS_GLOSSY, AS_EXPORTED = "diffuse", "glossy", "as exported"
 
 
 FRAME = 10
+F_STOP, FOCUS = 0.5, 5  # of the scene "lens": as cross_check.py asks Lumifold for
 
 
 def material(name, color=(1, 1, 1), cycles=AS_EXPORTED, **inputs):
@@ -293,6 +294,36 @@ def animation():
     camera("camera", (0, -7, 2.8), (0, 0, 0.7), 42)
 
 
+def lens():
+    """A wide lens in focus at the ball: foliage before it, a floor of squares to the horizon, small lamps behind."""
+    floor = matte("floor", (1, 1, 1))
+    nodes = floor.node_tree.nodes
+    picture = nodes.new("ShaderNodeTexImage")
+    picture.image = checker_picture(squares=16)
+    picture.interpolation = "Closest"
+    picture.extension = "EXTEND"
+    floor.node_tree.links.new(picture.outputs["Color"], principled_input(floor, "base_color"))
+    add("plane", floor, size=12)
+    add("uv_sphere", matte("ball", (0.7, 0.3, 0.2)), smooth=True, radius=0.6, location=(0, 0, 0.6), segments=64,
+        ring_count=32)
+    choose = random.Random(2)
+    leaf = matte("leaf", (0.2, 0.5, 0.15))
+    for i in range(40):
+        place = (choose.uniform(-1.2, 1.2), choose.uniform(-3.4, -2.4), choose.uniform(0, 1))
+        turn = [choose.uniform(0, 3) for _ in range(3)]
+        add("plane", leaf, f"leaf {i}", size=0.12, location=place, rotation=turn)
+    bulb = strong_glow("bulb", (1, 0.8, 0.5), 30)
+    for i in range(6):
+        add("ico_sphere", bulb, f"bulb {i}", radius=0.06, location=(i - 2.5, 4, 1 + 0.3 * (i % 3)), subdivisions=3)
+    downward_lamp((4, 4, 4), half=1.5, height=5)
+    view = camera("camera", (0, -5, 1.2), (0, 0, 0.6), 40)
+    # Where Blender and Lumifold mean the same focal length: a sensor 24 mm high
+    view.data.sensor_fit, view.data.sensor_height = "VERTICAL", 24
+    view.data.angle_y = math.radians(32)
+    view.data.dof.use_dof = True
+    view.data.dof.aperture_fstop, view.data.dof.focus_distance = F_STOP, FOCUS
+
+
 def key(thing, what, values):
     """Keyframes of a property, by frame."""
     for frame, value in values.items():
@@ -442,7 +473,7 @@ def main(name, samples, size, bounces):
 
 SCENES = {
     scene.__name__.replace("_", "-"): scene
-    for scene in (diffuse_room, sun_and_points, metal_balls, glass_things, instances, environment, animation)
+    for scene in (diffuse_room, sun_and_points, metal_balls, glass_things, instances, environment, animation, lens)
 }
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ ALLOWED_DEVIATIONS = 3
 ALLOWED_PERCENT_OF_ROUGH_METAL = 8
 
 SCENES = ("diffuse-room", "sun-and-points", "metal-balls", "glass-things", "instances", "environment",
-          "animation")
+          "animation", "lens")
 
 
 def run(command, **options):
@@ -68,6 +68,7 @@ def render_ours(scene, camera, folder, samples, size, bounces, seed):
     command += ["--camera", camera, "--method", "none", "--max-bounces", bounces, "--threads", 2]
     command += ["--frame", 10] if scene == "animation" else []
     command += ["--env", folder / "sky.exr"] if scene == "environment" else []
+    command += ["--f-stop", 0.5, "--focus", 5] if scene == "lens" else []
     run(command)
     return exr.read(path)
 

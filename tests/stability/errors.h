@@ -25,6 +25,10 @@ int CountNotFinite(const ConstColorView& picture);
 /// Pixels with a channel whose bits differ.
 int CountDifferent(const ConstColorView& a, const ConstColorView& b);
 
+/// Pixels per 10,000 whose luminance is more than 24 of 255 steps above or below that of all their
+/// neighbours, where the truth's pixel is not even half as far above or below them.
+double LonePixels(const ConstColorView& picture, const ConstColorView& truth);
+
 /// The largest of |a - b| / max(|b|, mean |b|) over selected pixels.
 double LargestRelativeDifference(const ConstColorView& a, const ConstColorView& b, Where where);
 

@@ -116,33 +116,6 @@ absl::StatusOr<Finding> Outlier(const Trial& trial) {
   return finding;
 }
 
-/// Pixels per 10,000 whose luminance is more than 24 of 255 steps above or below that of all their
-/// neighbours, where the truth's pixel is not even half as far above or below them.
-double LonePixels(const ConstColorView& picture, const ConstColorView& truth) {
-  constexpr float kVisible = 24.0f / 255;
-  const auto shown = [](const ConstColorView& color, int x, int y) {
-    return Luminance(SrgbFromLinear(color[0].At(x, y)), SrgbFromLinear(color[1].At(x, y)),
-                     SrgbFromLinear(color[2].At(x, y)));
-  };
-  const int width = picture[0].width(), height = picture[0].height();
-  int lone = 0;
-  for (int y = 1; y + 1 < height; ++y) {
-    for (int x = 1; x + 1 < width; ++x) {
-      float low = 1, high = 0;
-      for (int i = 0; i < 9; ++i) {
-        if (i == 4) continue;
-        const float beside = shown(picture, x + i % 3 - 1, y + i / 3 - 1);
-        low = std::min(low, beside), high = std::max(high, beside);
-      }
-      const float here = shown(picture, x, y), true_here = shown(truth, x, y);
-      const bool is_bright = here > high + kVisible && true_here < high + kVisible / 2;
-      const bool is_dark = here < low - kVisible && true_here > low - kVisible / 2;
-      lone += is_bright || is_dark ? 1 : 0;
-    }
-  }
-  return 10000.0 * lone / (static_cast<double>(width) * height);
-}
-
 absl::StatusOr<Finding> HardLight(const Trial& trial) {
   constexpr int kSize = 96;
   constexpr uint64_t kSeeds = 16;

@@ -55,6 +55,9 @@ class FilmStore {
   absl::StatusOr<JudgedFilm> GetJudged(const scenes::SceneDescription& scene,
                                        const charts::FilmSettings& settings, uint32_t reference_samples,
                                        TaskPool* pool) const;
+  /// The same of a scene of charts::FilmSource::Create by name.
+  absl::StatusOr<JudgedFilm> GetJudged(const std::string& scene_name, const charts::FilmSettings& settings,
+                                       uint32_t reference_samples, TaskPool* pool) const;
 
   /// Renders the scene in tiles of the given size, without the cache. Errors: as Get.
   absl::StatusOr<EdgedImage> RenderInTiles(const scenes::SceneDescription& scene,

@@ -85,6 +85,21 @@ absl::StatusOr<Finding> RealSamples(const Trial& trial) {
   return finding;
 }
 
+absl::StatusOr<Finding> Lens(const Trial& trial) {
+  Finding finding;
+  for (const char* scene : {"chess-board-lens", "foliage-lens"}) {
+    const absl::StatusOr<JudgedFilm> judged = trial.films.GetJudged(
+        scene, {.width = kWidth, .height = kHeight, .samples = 16, .seed = 1}, 512, trial.pool);
+    if (!judged.ok()) return judged.status();
+    absl::StatusOr<Picture> filtered = trial.Filter(judged->rendered.subject());
+    if (!filtered.ok()) return filtered.status();
+    finding.figures.push_back(judged->ErrorOf(ViewOf(*filtered)) / judged->ErrorOf(judged->noisy()));
+    finding.figures.push_back(LonePixels(ViewOf(*filtered), judged->truth()));
+    finding.exhibit = {ClonePicture(judged->noisy()), *std::move(filtered), ClonePicture(judged->truth())};
+  }
+  return finding;
+}
+
 absl::StatusOr<Finding> Seeds(const Trial& trial) {
   double noisy_flicker = 0, flicker = 0, luminance = 0, chroma = 0;
   constexpr int kSeeds = 8;
@@ -389,6 +404,14 @@ std::vector<Case> RobustnessCases() {
        "flicker of seeds, 0.55 the root of 0.3 for shadow edges, 1 the noisy picture itself",
        {{"still", 0.2}, {"moving", 0.55}, {"moving 99 %", 1}},
        Pan},
+      {48,
+       "lens",
+       "a chess board and foliage through a wide lens: for each, error, and lone bright or dark pixels in "
+       "10,000",
+       "96x72, 16 spp",
+       "",
+       {{"board", 0.3}, {"board lone", 0}, {"leaves", 0.3}, {"leaves lone", 0}},
+       Lens},
   };
 }
 

@@ -112,9 +112,8 @@ using HalfColors = std::array<std::array<float, 3>, 2>;
 /// FragmentSet::Pixel::emission_of_half by the means of the surfaces that the samples hit (`rows` of the
 /// film's fragments). Samples that hit none see the environment, which has what is left of E. 0 where the
 /// fragments have no E.
-HalfColors EmissionOfHalves(const Frame& frame, const std::vector<int>& rows,
+HalfColors EmissionOfHalves(const Frame& frame, const FragmentViews& fragments, const std::vector<int>& rows,
                             const std::array<float, 2>& in_pixel, int x, int y) {
-  const FragmentViews& fragments = *frame.fragments;
   HalfColors of_half = {};
   if (fragments.emission[0].IsEmpty() || !(in_pixel[0] > 0 && in_pixel[1] > 0)) return of_half;
   std::array<float, 2> missed = in_pixel;
@@ -143,7 +142,8 @@ HalfColors EmissionOfHalves(const Frame& frame, const std::vector<int>& rows,
 }
 
 /// FragmentSet::Pixel::emission_change.
-HalfColors EmissionChange(const Frame& frame, const HalfColors& of_half, int row, int x, int y) {
+HalfColors EmissionChange(const Frame& frame, const EdgeViews& edges, const HalfColors& of_half, int row,
+                          int x, int y) {
   const bool is_blurred = IsBlurred(frame, x, y);
   const float rays = is_blurred ? kRaysOfEmission / 2.0f : kRaysOfEmission;
   const std::array<float, 2> own = {OwnWeight(frame.samples.a.At(x, y), rays),
@@ -153,7 +153,7 @@ HalfColors EmissionChange(const Frame& frame, const HalfColors& of_half, int row
     float sum = 0;
     std::array<float, 2> of_half_alone = {};
     for (int j = 0; j < kSubSamples; ++j) {
-      const float emission = frame.edges->emission[c].At(j, row);
+      const float emission = edges.emission[c].At(j, row);
       sum += emission;
       of_half_alone[HalfOfSubSample(j)] += emission;
     }
@@ -194,23 +194,23 @@ bool IsOneSurface(const std::vector<Counted>& all, const std::array<float, 2>& i
 }
 
 /// A pixel whose samples tell nothing but E of its surfaces.
-FragmentSet::Pixel PixelOfEmission(const Frame& frame, const HalfColors& of_half, int row, int x, int y,
-                                   size_t fragments) {
+FragmentSet::Pixel PixelOfEmission(const Frame& frame, const EdgeViews& edges, const HalfColors& of_half,
+                                   int row, int x, int y, size_t fragments) {
   if (frame.surface.blur.IsEmpty())
-    return {x, y, fragments, fragments, of_half, EmissionChange(frame, of_half, row, x, y)};
+    return {x, y, fragments, fragments, of_half, EmissionChange(frame, edges, of_half, row, x, y)};
   HalfColors known = {};  // the film has E of each half
   for (size_t h = 0; h < 2; ++h) {
     for (size_t c = 0; c < 3; ++c)
       known[h][c] = UsableOr0(frame.surface.emission_of[h][c].At(x, y) - frame.emission[c].At(x, y));
   }
-  return {x, y, fragments, fragments, {}, EmissionChange(frame, known, row, x, y)};
+  return {x, y, fragments, fragments, {}, EmissionChange(frame, edges, known, row, x, y)};
 }
 
 /// The pixels of films without fragments, whose surfaces reflect no light of their own.
-FragmentSet EmissionOf(const Frame& frame) {
+FragmentSet EmissionOf(const Frame& frame, const EdgeViews& edges) {
   FragmentSet set;
-  frame.edges->ForEachPixel(frame.bounds(), [&](int row, int x, int y) {
-    if (frame.samples.At(x, y) > 0) set.pixels.push_back(PixelOfEmission(frame, {}, row, x, y, 0));
+  edges.ForEachPixel(frame.bounds(), [&](int row, int x, int y) {
+    if (frame.samples.At(x, y) > 0) set.pixels.push_back(PixelOfEmission(frame, edges, {}, row, x, y, 0));
   });
   return set;
 }
@@ -251,21 +251,24 @@ void AddGloss(const std::map<float, Gloss>& surfaces, float key, Fragment* fragm
 
 FragmentSet FragmentsOf(const Frame& frame) {
   if (!frame.edges.has_value()) return {};
-  if (!frame.fragments.has_value()) return EmissionOf(frame);
+  const EdgeViews& edges = *frame.edges;
+  if (!frame.fragments.has_value()) return EmissionOf(frame, edges);
+  const FragmentViews& fragments = *frame.fragments;
   FragmentSet set;
-  FragmentList list(*frame.fragments);
+  FragmentList list(fragments);
   const std::map<float, Gloss> gloss =
-      frame.fragments->roughness.IsEmpty() ? std::map<float, Gloss>{} : GlossOfSurfaces(*frame.fragments);
-  frame.edges->ForEachPixel(frame.bounds(), [&](int row, int x, int y) {
+      fragments.roughness.IsEmpty() ? std::map<float, Gloss>{} : GlossOfSurfaces(fragments);
+  edges.ForEachPixel(frame.bounds(), [&](int row, int x, int y) {
     const std::vector<int> rows = list.RowsOf(x, y);
     if (!(frame.samples.At(x, y) > 0)) return;
     const std::array<float, 2> in_pixel = {frame.samples.a.At(x, y), frame.samples.b.At(x, y)};
     std::vector<Counted> all;
     all.reserve(rows.size());
-    for (const int of_pixel : rows) all.push_back(FromFilm(*frame.fragments, of_pixel, in_pixel));
-    AddSubSamples(*frame.edges, row, &all);
-    FragmentSet::Pixel pixel = PixelOfEmission(frame, EmissionOfHalves(frame, rows, in_pixel, x, y), row, x,
-                                               y, set.fragments.size());
+    for (const int of_pixel : rows) all.push_back(FromFilm(fragments, of_pixel, in_pixel));
+    AddSubSamples(edges, row, &all);
+    FragmentSet::Pixel pixel =
+        PixelOfEmission(frame, edges, EmissionOfHalves(frame, fragments, rows, in_pixel, x, y), row, x, y,
+                        set.fragments.size());
     if (IsOneSurface(all, in_pixel)) {
       // A slice of a lamp that all samples miss shows in E alone.
       if (pixel.emission_change != HalfColors{}) set.pixels.push_back(pixel);

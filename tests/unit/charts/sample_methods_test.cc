@@ -370,5 +370,35 @@ TEST(Probabilistic, TellsLightThatComesRarelyFromLightThatComesAlways) {
   EXPECT_NEAR(picture[0].At(17, 8), 0.4f, 0.01f);
 }
 
+/// Two pixels of four samples each, whose transformed radiance is a mean +-0.01 by turns: 1 and 1 + `step`.
+std::unique_ptr<Room> TwoPixels(float step) {
+  auto room = OneWall(2, 1, 4);
+  for (size_t i = 0; i < room->set.samples.size(); ++i) {
+    const float transformed = (i < 4 ? 1.0f : 1.0f + step) + (i % 2 == 0 ? 0.01f : -0.01f);
+    const float root = 1 + transformed / 2;
+    room->set.samples[i].radiance = {root * root, root * root, root * root};
+  }
+  return room;
+}
+
+TEST(Statistical, MixesWhatTheTestDoesNotTellApart) {
+  // The quantile of Student's t of six degrees of freedom at .9975 is 4.3168, the variance of each mean
+  // .01^2 / 3: means are told apart from a step of 4.3168 sqrt(2/3) .01 = .03525 on.
+  const auto difference = [](const Picture& picture) { return picture[0].At(1, 0) - picture[0].At(0, 0); };
+  const float weight = std::exp(-0.5f / 100);  // of the neighbour, by its place
+  for (const auto& [step, mixes] : {std::pair{0.0349f, true}, {0.0356f, false}}) {
+    const auto room = TwoPixels(step);
+    const float apart = 1.5f * step + step * step / 4;  // of the light; the transform's inverse
+    const float expected = mixes ? apart * (1 - weight) / (1 + weight) : apart;
+    EXPECT_NEAR(difference(Filter(MethodCalled("statistical"), room->set)), expected, 1e-4f) << step;
+  }
+}
+
+TEST(Statistical, LeavesSingleSamples) {
+  const auto room = OneWall(3, 2, 1);
+  room->set.samples[4].radiance = {7, 8, 9};
+  EXPECT_EQ(Filter(MethodCalled("statistical"), room->set)[2].At(1, 1), 9);
+}
+
 }  // namespace
 }  // namespace lumifold::charts

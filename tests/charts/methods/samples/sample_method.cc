@@ -4,12 +4,14 @@
 #include "tests/charts/methods/samples/guided_rays.h"
 #include "tests/charts/methods/samples/probabilistic.h"
 #include "tests/charts/methods/samples/random_parameters.h"
+#include "tests/charts/methods/samples/statistical.h"
 
 namespace lumifold::charts {
 
 const std::vector<SampleMethod>& SampleMethods() {
   static const std::vector<SampleMethod> methods = {EpanechnikovMethod(), GuidedRaysMethod(),
-                                                    ProbabilisticMethod(), RandomParametersMethod()};
+                                                    ProbabilisticMethod(), RandomParametersMethod(),
+                                                    StatisticalMethod()};
   return methods;
 }
 

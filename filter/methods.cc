@@ -56,8 +56,9 @@ struct Entry {
                         const FilterProgress& progress)>
       filter;
   /// Empty: the method does not know the deviation of its picture.
-  std::function<FilteredPicture(const Frame& frame, FilterPurpose purpose, TaskPool* pool)> with_deviation =
-      {};
+  std::function<FilteredPicture(const Frame& frame, FilterPurpose purpose, TaskPool* pool,
+                                const FilterProgress& progress)>
+      with_deviation = {};
 };
 
 std::vector<Entry> ListEntries() {
@@ -73,9 +74,10 @@ std::vector<Entry> ListEntries() {
          return Denoise(Frame(film.pixels, film.edges, film.fragments), pool,
                         {.off = {}, .progress = progress});
        },
-       [](const Frame& frame, FilterPurpose purpose, TaskPool* pool) {
-         return purpose == FilterPurpose::kEstimate ? DenoiseToEstimate(frame, pool)
-                                                    : DenoiseWithDeviation(frame, pool);
+       [](const Frame& frame, FilterPurpose purpose, TaskPool* pool, const FilterProgress& progress) {
+         return purpose == FilterPurpose::kEstimate
+                    ? DenoiseToEstimate(frame, pool)
+                    : DenoiseWithDeviation(frame, pool, {.off = {}, .progress = progress});
        }},
       {{.name = "none",
         .summary = "the noisy picture itself",
@@ -87,7 +89,7 @@ std::vector<Entry> ListEntries() {
        [](const FilmView& film, Values, TaskPool*, const FilterProgress&) {
          return ClonePicture(film.pixels.GetColor(layers::kNoisy));
        },
-       [](const Frame& frame, FilterPurpose, TaskPool* pool) {
+       [](const Frame& frame, FilterPurpose, TaskPool* pool, const FilterProgress&) {
          return FilteredPicture{ClonePicture(frame.combined.mean), DeviationOf(frame, NoChange(frame), pool),
                                 DeviationOfReturned(frame, {}, pool)};
        }},
@@ -197,6 +199,27 @@ class WholePictures {
   int y_ = 0;
 };
 
+/// Makes of the progress within each block that of the film.
+class BlockCount {
+ public:
+  BlockCount(const FilmSource& film, const BlockParams& params, const FilterProgress& progress)
+      : progress_(progress) {
+    const BlockGrid grid(film.width(), film.height(), params);
+    count_ = grid.columns() * grid.rows();
+  }
+
+  FilterProgress OfBlock() const {
+    if (!progress_) return nullptr;
+    return [this](double share) { progress_((done_ + share) / count_); };
+  }
+  void Next() { ++done_; }
+
+ private:
+  const FilterProgress& progress_;
+  double count_ = 0;
+  double done_ = 0;
+};
+
 }  // namespace
 
 const std::vector<MethodInfo>& Methods() {
@@ -211,14 +234,15 @@ const std::vector<MethodInfo>& Methods() {
 absl::Status CheckMethod(std::string_view method) { return ParseCall(method).status(); }
 
 absl::StatusOr<Picture> FilterFilm(const LayeredImage& film, std::string_view method, TaskPool* pool,
-                                   const LayeredImage* edges, const LayeredImage* fragments) {
+                                   const LayeredImage* edges, const LayeredImage* fragments,
+                                   const FilterProgress& progress) {
   if (BlockGrid(film.width(), film.height(), {}).IsOneBlock()) {
     const absl::StatusOr<Call> call = ParseCall(method);
     if (!call.ok()) return call.status();
-    return FilterBlock({film, edges, fragments}, *call, pool);
+    return FilterBlock({film, edges, fragments}, *call, pool, progress);
   }
   FilmInMemory source(film, edges, fragments);
-  return FilterFilmByRows(&source, method, pool);
+  return FilterFilmByRows(&source, method, pool, {}, progress);
 }
 
 absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
@@ -227,29 +251,32 @@ absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
                               const FilterProgress& progress) {
   const absl::StatusOr<Call> call = ParseCall(method);
   if (!call.ok()) return call.status();
-  const BlockGrid grid(film->width(), film->height(), params);
-  const double blocks = grid.columns() * grid.rows();
-  double done = 0;
-  FilterProgress of_block = nullptr;
-  if (progress) of_block = [&](double share) { progress((done + share) / blocks); };
+  BlockCount count(*film, params, progress);
   const auto filter = [&](const EdgedImage& block) -> absl::StatusOr<std::vector<Picture>> {
     absl::StatusOr<Picture> picture =
-        FilterBlock({block.pixels, &block.edges, &block.fragments}, *call, pool, of_block);
+        FilterBlock({block.pixels, &block.edges, &block.fragments}, *call, pool, count.OfBlock());
     if (!picture.ok()) return picture.status();
-    ++done;
+    count.Next();
     std::vector<Picture> pictures;
     pictures.push_back(*std::move(picture));
     return pictures;
   };
-  return FilterInBlocks(film, params, passed_on, {layers::kBeauty}, filter, sink, ready);
+  if (ready == nullptr) return FilterInBlocks(film, params, passed_on, {layers::kBeauty}, filter, sink);
+  const auto take = [&](int column, int row) {
+    absl::StatusOr<std::optional<std::vector<Picture>>> pictures = ready(column, row);
+    if (pictures.ok() && pictures->has_value()) count.Next();
+    return pictures;
+  };
+  return FilterInBlocks(film, params, passed_on, {layers::kBeauty}, filter, sink, take);
 }
 
 absl::StatusOr<Picture> FilterFilmByRows(FilmSource* film, std::string_view method, TaskPool* pool,
-                                         const BlockParams& params) {
+                                         const BlockParams& params, const FilterProgress& progress) {
   const std::vector<std::string_view> names = {layers::kBeauty};
   WholePictures whole(names, film->width(), film->height());
   const auto append = [&](const LayeredImage& rows) { return whole.Append(rows); };
-  if (absl::Status status = FilterFilmInRows(film, method, {}, pool, append, params); !status.ok())
+  if (absl::Status status = FilterFilmInRows(film, method, {}, pool, append, params, nullptr, progress);
+      !status.ok())
     return status;
   return std::move(whole.Take().front());
 }
@@ -259,7 +286,8 @@ absl::Status CheckDeviation(std::string_view method) { return ParseCallWithDevia
 absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const LayeredImage& film, std::string_view method,
                                                         TaskPool* pool, const LayeredImage* edges,
                                                         const LayeredImage* fragments, FilterPurpose purpose,
-                                                        const BlockParams& params) {
+                                                        const BlockParams& params,
+                                                        const FilterProgress& progress) {
   const absl::StatusOr<Call> call = ParseCallWithDeviation(method);
   if (!call.ok()) return call.status();
   const std::vector<std::string> halves = NamesOf(
@@ -267,9 +295,12 @@ absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const LayeredImage& film
   if (absl::Status status = CheckChannels(film, halves); !status.ok()) return status;
   if (absl::Status status = CheckFilm({film, edges, fragments}, *call); !status.ok()) return status;
   if (BlockGrid(film.width(), film.height(), params).IsOneBlock())
-    return call->method->with_deviation(Frame(film, edges, fragments), purpose, pool);
+    return call->method->with_deviation(Frame(film, edges, fragments), purpose, pool, progress);
+  FilmInMemory source(film, edges, fragments);
+  BlockCount count(source, params, progress);
   const auto filter = [&](const EdgedImage& block) -> absl::StatusOr<std::vector<Picture>> {
-    FilteredPicture filtered = call->method->with_deviation(Frame(block), purpose, pool);
+    FilteredPicture filtered = call->method->with_deviation(Frame(block), purpose, pool, count.OfBlock());
+    count.Next();
     std::vector<Picture> pictures;
     pictures.push_back(std::move(filtered.picture));
     pictures.push_back(std::move(filtered.deviation));
@@ -279,7 +310,6 @@ absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const LayeredImage& film
   const std::vector<std::string_view> names = {layers::kBeauty, "deviation", "returned"};
   WholePictures whole(names, film.width(), film.height());
   const auto append = [&](const LayeredImage& rows) { return whole.Append(rows); };
-  FilmInMemory source(film, edges, fragments);
   if (absl::Status status = FilterInBlocks(&source, params, {}, names, filter, append); !status.ok())
     return status;
   std::vector<Picture> pictures = whole.Take();

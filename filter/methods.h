@@ -38,14 +38,16 @@ absl::Status CheckMethod(std::string_view method);
 ///          blocks that overlap, see BlockParams.
 /// `method`: the name of one of Methods(). Its parameters may follow, as in
 /// "bilateral:sigma_s=4,sigma_r=0.1". `edges`, `fragments`: the film's edge set and fragments, see
-/// EdgedImage; null or without channels if the film has none.
+/// EdgedImage; null or without channels if the film has none. `progress`: empty, or is told the share of the
+/// blocks, and within one of its layers.
 /// Errors:  kInvalidArgument naming a channel that is missing; those of CheckMethod.
 /// Threads: safe concurrently; the result is identical for any pool, null included.
 /// Source:  Gruzdev, Frolov & Ignatenko 2015. Methods() names the source of each
 ///          baseline.
 absl::StatusOr<Picture> FilterFilm(const LayeredImage& film, std::string_view method, TaskPool* pool,
                                    const LayeredImage* edges = nullptr,
-                                   const LayeredImage* fragments = nullptr);
+                                   const LayeredImage* fragments = nullptr,
+                                   const FilterProgress& progress = nullptr);
 
 /// What a filtered picture is for.
 enum class FilterPurpose {
@@ -59,7 +61,8 @@ absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const LayeredImage& film
                                                         TaskPool* pool, const LayeredImage* edges = nullptr,
                                                         const LayeredImage* fragments = nullptr,
                                                         FilterPurpose purpose = FilterPurpose::kPicture,
-                                                        const BlockParams& params = {});
+                                                        const BlockParams& params = {},
+                                                        const FilterProgress& progress = nullptr);
 
 /// Whether FilterFilmWithDeviation knows the method: "default", whose halves go to the end, and "none".
 /// Errors: those of CheckMethod; kInvalidArgument naming the methods that know it.
@@ -67,8 +70,7 @@ absl::Status CheckDeviation(std::string_view method);
 
 /// FilterFilm for a film that need not be in memory as a whole. The picture's rows go to `sink` from the top
 /// down, as R G B and the film's channels named in `passed_on`. The bits are those of FilterFilm, also where
-/// blocks are `ready`, each with one picture: FilterFilm of its Input(), cut to its Output(). `progress`:
-/// empty, or is told the share of the blocks, and within one of its layers.
+/// blocks are `ready`, each with one picture: FilterFilm of its Input(), cut to its Output().
 /// Errors:  those of FilterFilm and FilterInBlocks.
 absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
                               const std::vector<std::string>& passed_on, TaskPool* pool, const RowSink& sink,
@@ -77,6 +79,7 @@ absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
 
 /// FilterFilmInRows with its rows put together.
 absl::StatusOr<Picture> FilterFilmByRows(FilmSource* film, std::string_view method, TaskPool* pool,
-                                         const BlockParams& params = {});
+                                         const BlockParams& params = {},
+                                         const FilterProgress& progress = nullptr);
 
 }  // namespace lumifold::filter

@@ -21,6 +21,12 @@ std::string SourceOf(const OptionHelp& option) {
   return "";
 }
 
+/// Prints the names that `info` has behind a word, the first argument of the shell's function, a line each.
+std::string NamesInScene(const char* argument) {
+  return absl::StrCat("lumifold info \"$scene\" 2>/dev/null | sed -n \"s/^", argument,
+                      " *//p\" | grep -o \"'[^']*'\" | tr -d \"'\"");
+}
+
 /// What `info` prints before the numbers and names of what a value chooses in a scene; empty: nothing of it.
 std::string ChoiceInScene(const OptionHelp& option) {
   if (option.value_name == "CAMERA") return "cameras";
@@ -64,9 +70,12 @@ std::string BashArgument(const CommandHelp& command) {
   return "";
 }
 
-/// In fish, which reads a word in each line.
-std::string FishWords(const std::string& source) {
-  return absl::StrCat("(begin; ", source, "; end | string split \" \")");
+/// In fish, which reads a word in each line; empty: the words are not known.
+std::string FishWords(const OptionHelp& option) {
+  if (const std::string in_scene = ChoiceInScene(option); !in_scene.empty())
+    return absl::StrCat("(__lumifold_of_scene ", in_scene, ")");
+  const std::string source = SourceOf(option);
+  return source.empty() ? "" : absl::StrCat("(begin; ", source, "; end | string split \" \")");
 }
 
 /// "[text]" of zsh's _arguments.
@@ -74,13 +83,18 @@ std::string ZshText(const std::string& text) {
   return absl::StrReplaceAll(text, {{"[", "\\["}, {"]", "\\]"}, {":", "\\:"}, {"\n", " "}});
 }
 
-std::string ZshSpec(const OptionHelp& option, const std::string& name) {
+/// What of _arguments offers a value.
+std::string ZshAction(const OptionHelp& option) {
+  if (OptionHelp::IsFile(option.value_name)) return "_files";
+  if (const std::string in_scene = ChoiceInScene(option); !in_scene.empty())
+    return absl::StrCat(" _lumifold_of_scene ", in_scene);
   const std::string source = SourceOf(option);
-  const std::string action = OptionHelp::IsFile(option.value_name) ? "_files"
-                             : source.empty()                      ? " "
-                                              : absl::StrCat(" _lumifold_words ", Quoted(source));
+  return source.empty() ? " " : absl::StrCat(" _lumifold_words ", Quoted(source));
+}
+
+std::string ZshSpec(const OptionHelp& option, const std::string& name) {
   const std::string value =
-      option.is_flag() ? "" : absl::StrCat(":", ZshText(option.value_name), ":", action);
+      option.is_flag() ? "" : absl::StrCat(":", ZshText(option.value_name), ":", ZshAction(option));
   if (option.is_argument()) return absl::StrCat(option.is_required ? "" : ":", value);
   return absl::StrCat("*", name, "[", ZshText(option.help), "]", value);
 }
@@ -103,17 +117,22 @@ std::string BashCompletion(const std::vector<CommandHelp>& commands) {
   return absl::StrCat(
       "# Completion of lumifold for bash: source it, or put it into "
       "/usr/share/bash-completion/completions/lumifold.\n"
-      "_lumifold_words() {\n"
-      "  local IFS=$'\\n'\n"
-      "  COMPREPLY=($(compgen -W \"$(eval \"$1\" | tr \" \" \"\\n\")\" -- \"$word\")) || true\n"
+      "# Offers lines. compgen -W would expand them, and names of scenes and workers are others'.\n"
+      "_lumifold_offer() {\n"
+      "  local line\n"
+      "  while IFS= read -r line; do\n"
+      "    if [[ $line == \"$word\"* ]]; then COMPREPLY+=(\"$line\"); fi\n"
+      "  done\n"
       "}\n"
+      "_lumifold_words() { _lumifold_offer < <(eval \"$1\" | tr \" \" \"\\n\"); }\n"
       "# Names that a scene on the command line has: _lumifold_of_scene cameras\n"
       "_lumifold_of_scene() {\n"
-      "  local scene IFS=$'\\n'\n"
+      "  local scene\n"
       "  for scene in \"${COMP_WORDS[@]}\"; do\n"
       "    [[ $scene == *.gl[bt]* ]] || continue\n"
-      "    COMPREPLY=($(compgen -W \"$(lumifold info \"$scene\" 2>/dev/null | sed -n \"s/^$1 *//p\" |\n"
-      "      grep -o \"'[^']*'\" | tr -d \"'\")\" -- \"$word\")) || true\n"
+      "    _lumifold_offer < <(",
+      NamesInScene("$1"),
+      ")\n"
       "    return\n"
       "  done\n"
       "}\n"
@@ -156,6 +175,16 @@ std::string ZshCompletion(const std::vector<CommandHelp>& commands) {
       "#compdef lumifold\n"
       "# Completion of lumifold for zsh: put it into a folder of $fpath, as _lumifold.\n"
       "_lumifold_words() { compadd -- ${=$(eval \"$1\")} }\n"
+      "_lumifold_of_scene() {\n"
+      "  local scene\n"
+      "  for scene in ${(Q)words}; do\n"
+      "    [[ $scene == *.gl[bt]* ]] || continue\n"
+      "    compadd -- ${(f)\"$(",
+      NamesInScene("$1"),
+      ")\"}\n"
+      "    return\n"
+      "  done\n"
+      "}\n"
       "local -a commands\n"
       "commands=(\n",
       list,
@@ -173,17 +202,26 @@ std::string ZshCompletion(const std::vector<CommandHelp>& commands) {
 }
 
 std::string FishCompletion(const std::vector<CommandHelp>& commands) {
-  std::string script =
+  std::string script = absl::StrCat(
       "# Completion of lumifold for fish: put it into ~/.config/fish/completions/lumifold.fish.\n"
-      "complete -c lumifold -n __fish_use_subcommand -f\n";
+      "function __lumifold_of_scene\n"
+      "  for scene in (commandline -opc)\n"
+      "    string match -qr '[.]gl(b|tf)$' -- $scene; or continue\n"
+      "    ",
+      NamesInScene("$argv[1]"),
+      "\n"
+      "    return\n"
+      "  end\n"
+      "end\n"
+      "complete -c lumifold -n __fish_use_subcommand -f\n");
   for (const CommandHelp& command : commands) {
     absl::StrAppend(&script, "complete -c lumifold -n __fish_use_subcommand -f -a ", command.name, " -d ",
                     Quoted(command.summary), "\n");
     for (const OptionHelp& option : command.options) {
-      const std::string source = SourceOf(option);
-      if (option.is_argument() && source.empty()) continue;
+      const std::string words = FishWords(option);
+      if (option.is_argument() && words.empty()) continue;
       absl::StrAppend(&script, "complete -c lumifold -n '__fish_seen_subcommand_from ", command.name, "'");
-      if (!source.empty()) absl::StrAppend(&script, " -fa ", Quoted(FishWords(source)));
+      if (!words.empty()) absl::StrAppend(&script, " -fa ", Quoted(words));
       for (const std::string& name : option.names)
         absl::StrAppend(&script, name.starts_with("--") ? " -l " + name.substr(2) : " -s " + name.substr(1));
       if (!option.value_name.empty())

@@ -14,7 +14,7 @@
 namespace lumifold::client {
 
 /// Unit of a stage's progress.
-/// kTime, milliseconds, has no rate.
+/// kTime, milliseconds, or steps of something that has no unit, is shown without a rate.
 enum class ProgressUnit { kSamples, kBytes, kTime };
 
 /// Progress of one stage of the work.

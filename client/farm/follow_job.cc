@@ -12,12 +12,24 @@
 #include "proto/rpc/monotonic.h"
 
 namespace lumifold::client {
+namespace {
+
+/// Of the progress of a frame in the filter.
+constexpr int64_t kFrameSteps = 1000;
+
+}  // namespace
 
 ProgressState ProgressOf(const v1::JobStatus& job) {
   ProgressState state;
   state.stage = std::string(StateName(job.state()));
   state.workers = job.workers();
   if (job.frames_total() > 1) state.note = FilteringText(job);
+  const double filtered = job.frames_done() + job.frames_filtered();
+  if (job.state() == v1::JOB_STATE_FILTERING && filtered > 0) {
+    state.unit = ProgressUnit::kTime;
+    state.done = static_cast<int64_t>(kFrameSteps * filtered);
+    state.total = kFrameSteps * (job.frames_total() - job.frames_skipped());
+  }
   if (job.state() != v1::JOB_STATE_RUNNING) return state;
   if (const double time = job.adaptive().time_seconds(); time > 0) {
     state.unit = ProgressUnit::kTime;

@@ -53,6 +53,13 @@ absl::Status PreviewFile::Run() {
   return absl::OkStatus();
 }
 
+absl::Status PreviewFile::Show(const std::string& path, const LayeredImage& picture) const {
+  const ConstColorView colours = picture.GetColor(layers::kBeauty);
+  if (!picture.Has(layers::kAlpha)) return pictures::WriteDisplayed(path, colours, options_.display);
+  const ConstFloatView alpha = picture.Get(layers::kAlpha);
+  return pictures::WriteDisplayed(path, colours, options_.display, &alpha);
+}
+
 absl::Status PreviewFile::Write(const v1::Preview& preview) const {
   const absl::StatusOr<PictureFormat> format = PictureFormatOf(options_.path);
   if (!format.ok()) return format.status();
@@ -64,9 +71,7 @@ absl::Status PreviewFile::Write(const v1::Preview& preview) const {
   if (!picture.ok()) return picture.status();
   if (!picture->HasColor(layers::kBeauty)) return absl::InternalError("the preview has no colours");
   const absl::Status written =
-      *format == PictureFormat::kExr
-          ? WriteExr(part, *picture)
-          : pictures::WriteDisplayed(part, picture->GetColor(layers::kBeauty), options_.display);
+      *format == PictureFormat::kExr ? WriteExr(part, *picture) : Show(part, *picture);
   if (!written.ok()) return OfThisMachine(written);
   return OfThisMachine(MoveIntoPlace(part, options_.path));
 }

@@ -9,6 +9,7 @@
 #include "absl/synchronization/mutex.h"
 #include "client/farm/farm_client.h"
 #include "client/pictures/display_file.h"
+#include "filter/image/layered_image.h"
 #include "proto/threads/event.h"
 
 namespace lumifold::client {
@@ -35,6 +36,8 @@ class PreviewFile {
  private:
   absl::Status Run();
   absl::Status Write(const v1::Preview& preview) const;
+  /// Writes it for a display.
+  absl::Status Show(const std::string& path, const LayeredImage& picture) const;
 
   const std::unique_ptr<FarmClient> farm_;
   const PreviewFileOptions options_;

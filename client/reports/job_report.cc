@@ -160,6 +160,7 @@ std::string JobJson(const v1::JobStatus& status,
   const std::vector<FrameRange> skipped = SkippedFrames(status);
   if (!skipped.empty()) json["skipped"] = TextOf(skipped);
   if (status.frames_filtering() > 0) json["frames_filtering"] = status.frames_filtering();
+  if (status.frames_filtered() > 0) json["frames_filtered"] = status.frames_filtered();
   if (status.frames_waiting() > 0) json["frames_waiting"] = status.frames_waiting();
   json["samples_done"] = status.samples_done();
   json["samples_total"] = status.samples_total();

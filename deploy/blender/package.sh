@@ -17,7 +17,7 @@ packages = {
 for name, files in packages.items():
     package = pathlib.Path(sys.argv[1], name)
     with zipfile.ZipFile(package, "w", zipfile.ZIP_DEFLATED) as made:
-        for path, place in files.items():
-            made.write(path, place)
+        for path, place in files.items():  # without times: the same files make the same package
+            made.writestr(zipfile.ZipInfo(str(place)), path.read_bytes(), zipfile.ZIP_DEFLATED)
     print(package)
 PYTHON

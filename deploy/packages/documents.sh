@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The documents of a Debian package, in the folder `share`: manual pages and completion as the program prints them, changelogs, and
-# the inventory of the libraries it is linked with.
+# the inventory of the libraries it is linked with. With the client comes the Blender add-on.
 #   documents.sh PACKAGE BIN SHARE CONTACT
 set -euo pipefail
 package=$1 bin=$2 share=$3 contact=$4
@@ -26,6 +26,8 @@ if [ "$package" = lumifold ]; then
     name=${shell%%/*}
     "$program" completion "${name%-completion}" >"$share/$shell"
   done
+  mkdir -p "$share/lumifold/blender"
+  "$root/deploy/blender/package.sh" "$share/lumifold/blender" >/dev/null
 elif [ "$package" != python3-lumifold ]; then
   # The first line of the help is the summary; the version is without the numeric class of this machine.
   name=$("$program" --help | sed -n 1p)

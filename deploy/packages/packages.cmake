@@ -73,6 +73,7 @@ set(CPACK_DEBIAN_PYTHON3-LUMIFOLD_PACKAGE_DEPENDS "python3:any, python3-grpcio, 
 # What scripts in other languages need comes with the client.
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/proto/lumifold DESTINATION share/lumifold/proto COMPONENT lumifold FILES_MATCHING PATTERN "*.proto")
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs/schemas DESTINATION share/lumifold COMPONENT lumifold)
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs/examples DESTINATION share/doc/lumifold COMPONENT lumifold PATTERN "__pycache__" EXCLUDE)
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")  # each package has its own

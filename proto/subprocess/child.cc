@@ -159,7 +159,8 @@ Child::~Child() {
   (void)Wait();
 }
 
-bool Child::ReadOutput(absl::Time deadline, size_t max_bytes, Output* output) {
+bool Child::ReadOutput(absl::Time deadline, size_t max_bytes, Output* output,
+                       absl::FunctionRef<void(Output*)> on_news) {
   // poll ignores what is no descriptor.
   std::array<pollfd, 2> files = {{{out_.get(), POLLIN, 0}, {err_.get(), POLLIN, 0}}};
   const std::array<std::string*, 2> texts = {&output->out, &output->err};
@@ -171,6 +172,7 @@ bool Child::ReadOutput(absl::Time deadline, size_t max_bytes, Output* output) {
       if (files[i].fd >= 0 && files[i].revents != 0 && !ReadSome(files[i].fd, texts[i])) files[i].fd = -1;
       files[i].revents = 0;
     }
+    on_news(output);
   }
   return true;
 }

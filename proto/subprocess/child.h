@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "absl/base/thread_annotations.h"
+#include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
@@ -65,8 +66,11 @@ class Child {
   ~Child();
 
   /// Appends what comes through the pipes until the child, and all who have them from it, have closed them.
+  /// `on_news` is called when something has come, and may take it away.
   /// False after `deadline` (rpc::MonotonicNow), or where there is more than `max_bytes`.
-  bool ReadOutput(absl::Time deadline, size_t max_bytes, Output* output);
+  bool ReadOutput(
+      absl::Time deadline, size_t max_bytes, Output* output,
+      absl::FunctionRef<void(Output*)> on_news = [](Output*) {});
   /// Waits for its end. Call it no more once it has returned the status.
   /// Errors: kDeadlineExceeded after `deadline`; kInternal where the system does not tell.
   absl::StatusOr<ExitStatus> Wait(absl::Time deadline = absl::InfiniteFuture());

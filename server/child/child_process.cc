@@ -1,5 +1,6 @@
 #include "server/child/child_process.h"
 
+#include <algorithm>
 #include <cstring>
 #include <limits>
 #include <memory>
@@ -7,6 +8,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/monotonic.h"
+#include "server/child/child_task.h"
 #include "server/ledger/open_job_store.h"
 
 namespace lumifold::server {
@@ -16,13 +18,24 @@ using subprocess::Child;
 
 constexpr size_t kAnyBytes = std::numeric_limits<size_t>::max();
 
-/// What the child wrote, or the error that it wrote: see AnswerParent().
+/// Takes the per cents away that stand before the answer, and tells of the newest.
+void TakeProgress(const std::function<void(double share)>& progress, std::string* out) {
+  const size_t count = std::min(out->find(kAnswer), out->size());
+  if (count == 0) return;
+  const int percent = static_cast<uint8_t>((*out)[count - 1]) - kNoPercent;
+  if (progress) progress(std::clamp(percent, 0, 100) / 100.0);
+  out->erase(0, count);
+}
+
+/// What the child wrote, or the error that it wrote.
 absl::StatusOr<std::string> ReadAnswer(std::string answer, const subprocess::ExitStatus& exit) {
   if (exit.signal != 0) {
     return absl::InternalError(
         absl::StrCat("the filter process was ", exit.Text(), " (", strsignal(exit.signal), ")"));
   }
-  if (exit.code == 0) return answer;
+  const bool has_answer = !answer.empty();
+  answer.erase(0, 1);  // kAnswer
+  if (exit.code == 0 && has_answer) return answer;
   const size_t space = answer.find(' ');
   int code = 0;
   if (space == std::string::npos || !absl::SimpleAtoi(answer.substr(0, space), &code) || code == 0) {
@@ -57,7 +70,9 @@ absl::StatusOr<std::string> ChildProcess::Run(const ChildWork& work) {
     running = running_.insert(running_.end(), {.job = work.job, .child = child->get()});
   }
   subprocess::Output output;
-  const bool is_in_time = (*child)->ReadOutput(rpc::MonotonicNow() + options_.time_limit, kAnyBytes, &output);
+  const auto on_news = [&](subprocess::Output* news) { TakeProgress(work.progress, &news->out); };
+  const bool is_in_time =
+      (*child)->ReadOutput(rpc::MonotonicNow() + options_.time_limit, kAnyBytes, &output, on_news);
   if (!is_in_time) (*child)->Kill();
   const absl::StatusOr<subprocess::ExitStatus> exit = (*child)->Wait();
   absl::MutexLock lock(&mutex_);

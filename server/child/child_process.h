@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <list>
 #include <string>
 #include <utility>
@@ -36,6 +37,8 @@ struct ChildWork {
   job::JobId job;
   /// For errors.
   std::string task;
+  /// Is told the share of it that is done, in steps of a per cent, on the thread of Run; null: nobody is.
+  std::function<void(double share)> progress = nullptr;
 };
 
 /// Runs the program for a task in a child process, so that the coordinator survives a child that runs out of

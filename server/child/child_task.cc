@@ -3,6 +3,7 @@
 #include <signal.h>
 #include <sys/prctl.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <iostream>
 #include <new>
@@ -14,15 +15,26 @@
 #include "proto/sandbox/sandbox.h"
 #include "server/ledger/open_job_store.h"
 
-// The child writes its answer to standard output; in place of it the number of the status code, a space and
-// the message, with exit code 1.
-
 namespace lumifold::server {
 namespace {
 
 constexpr int kFailed = 1;
 /// Of ChildProcess::Run, before the arguments of the task.
 constexpr size_t kCommonArguments = 3;
+
+/// Tells the parent of a share that is further by a per cent.
+class ShareWriter {
+ public:
+  void operator()(double share) {
+    const int percent = std::clamp(static_cast<int>(100 * share), 0, 100);
+    if (percent <= told_) return;
+    told_ = percent;
+    std::cout << static_cast<char>(kNoPercent + percent) << std::flush;
+  }
+
+ private:
+  int told_ = 0;
+};
 
 /// The filter reads units, writes results and reads the ledger; the rest of the data folder has secrets. Only
 /// a ledger elsewhere needs the network.
@@ -73,7 +85,11 @@ absl::StatusOr<std::string> RunInChild(const std::vector<std::string>& arguments
   SetExrThreads(threads);
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(threads);
   try {
-    return body({folder, **store, pool.get(), {arguments.begin() + kCommonArguments, arguments.end()}});
+    return body({folder,
+                 **store,
+                 pool.get(),
+                 ShareWriter(),
+                 {arguments.begin() + kCommonArguments, arguments.end()}});
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError(
         absl::StrCat("out of memory (limit ", memory_limit_bytes >> 20, " MiB, 0 for none)"));
@@ -85,11 +101,11 @@ absl::StatusOr<std::string> RunInChild(const std::vector<std::string>& arguments
 int RunChildTask(const std::vector<std::string>& arguments, int niceness, const ChildBody& body) {
   const absl::StatusOr<std::string> answer = RunInChild(arguments, niceness, body);
   if (answer.ok()) {
-    std::cout << *answer << std::flush;
+    std::cout << kAnswer << *answer << std::flush;
     return 0;
   }
-  std::cout << static_cast<int>(answer.status().code()) << ' ' << std::string(answer.status().message())
-            << std::flush;
+  std::cout << kAnswer << static_cast<int>(answer.status().code()) << ' '
+            << std::string(answer.status().message()) << std::flush;
   return kFailed;
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "filter/image/filtered_picture.h"
 #include "filter/image/parallel.h"
 #include "server/ledger/job_store.h"
 #include "server/storage/data_folder.h"
@@ -22,11 +23,18 @@ inline constexpr int kIdleNiceness = 19;
 /// Last argument of a task that somebody waits for: niceness 0.
 inline constexpr char kUrgent[] = "urgent";
 
+/// A child writes to standard output how far it is, in bytes of kNoPercent and the per cents, then kAnswer and
+/// its answer. In place of that: the number of the status code, a space and the message, with exit code 1.
+inline constexpr char kAnswer = '=';
+inline constexpr int kNoPercent = 128;
+
 /// What the task of a child process has.
 struct ChildTask {
   const DataFolder& folder;
   ledger::JobStore& store;
   TaskPool* pool;
+  /// Tells ChildWork::progress.
+  FilterProgress progress;
   /// Those of ChildProcess::Run.
   std::vector<std::string> arguments;
 };

@@ -146,6 +146,7 @@ void Farm::SuspendJob(const JobId& job, v1::JobStatus shown) {
     shown = StatusOf(job).value_or(shown);
     shown.set_workers(0);
     shown.clear_frames_filtering();
+    shown.clear_frames_filtered();
     shown.clear_frames_waiting();
     jobs.TakeActive(job);
     dependencies.Remove(job);
@@ -218,6 +219,7 @@ std::optional<v1::JobStatus> Farm::StatusOf(const JobId& job) const {
         StatusOfActiveJob(active->record, scheduler.jobs().Progress(job), dependencies.IsWaiting(job));
     status.set_coordinator(address);
     status.set_frames_filtering(frames.CountRunning(job));
+    status.set_frames_filtered(frames.FilteredOf(job));
     status.set_frames_waiting(frames.CountWaiting(job));
     if (active->predicted_error.has_value() && !status.has_estimated_error())
       status.set_estimated_error(*active->predicted_error);
@@ -269,6 +271,10 @@ void Farm::QueueDue(const FrameKey& key) {
   }
   frame.samples = scheduler.jobs().Progress(frame.job).samples_done;
   frames.Push(std::move(frame));
+}
+
+void Farm::NoteFiltered(const FramePart& part, double share) {
+  if (frames.SetFiltered(part, share)) watchers.MarkChanged(part.frame.first);
 }
 
 void Farm::LimitFrames(uint64_t free_disk_bytes) {

@@ -283,6 +283,27 @@ int FrameQueue::CountWaiting(const job::JobId& job) const {
   }));
 }
 
+bool FrameQueue::SetFiltered(const FramePart& part, double share) {
+  const double filtered = share > 0 ? std::min(share, 1.0) : 0.0;  // of a worker's word, which may be NaN
+  for (RunningFrame& frame : running_) {
+    if (frame.part() == part) return std::exchange(frame.filtered, filtered) != filtered;
+  }
+  return false;
+}
+
+double FrameQueue::FilteredOf(const job::JobId& job) const {
+  double frames = 0;
+  for (const RunningFrame& frame : running_) {
+    if (frame.due.job != job) continue;
+    frames += frame.block == FramePart::kWhole ? frame.filtered : frame.filtered / frame.due.block_count;
+  }
+  for (const DueFrame& frame : waiting_) {
+    if (frame.job == job && frame.blocks.running > 0)
+      frames += static_cast<double>(frame.blocks.done.size()) / frame.block_count;
+  }
+  return frames;
+}
+
 void FrameQueue::MarkStale(const FrameKey& frame) {
   for (RunningFrame& other : running_) other.is_stale = other.is_stale || other.due.key() == frame;
   for (DueFrame& other : waiting_) {

@@ -95,6 +95,8 @@ struct RunningFrame {
   /// That it has there.
   int threads = 1;
   absl::Time since;
+  /// Share that is filtered, as whoever finishes it has told.
+  double filtered = 0;
   /// Units were taken back meanwhile: its result is of no use.
   bool is_stale = false;
 
@@ -154,6 +156,10 @@ class FrameQueue {
   /// Frames of a job that are being finished, here or by workers, and those that wait. Linear in all frames.
   int CountRunning(const job::JobId& job) const;
   int CountWaiting(const job::JobId& job) const;
+  /// How far the filter of what is running is, 0 to 1. False where that changes nothing.
+  bool SetFiltered(const FramePart& part, double share);
+  /// What it has done of the frames of CountRunning, in frames.
+  double FilteredOf(const job::JobId& job) const;
   /// Units of the frame were taken back: what was made of them is of no use, nor compared.
   void MarkStale(const FrameKey& frame);
   bool IsStale(const FrameKey& frame) const;

@@ -118,6 +118,11 @@ void WorkerCalls::OnHeartbeat(WorkerId worker, const v1::Heartbeat& heartbeat) {
   const absl::Time now = resources_->options.now();
   farm->ReportLate(farm->scheduler.workers().Heartbeat(worker, held, newest, now));
   farm->TakeFramesBack(farm->finish_leases.Heartbeat(worker, held, newest, now), "dropped");
+  for (const v1::Lease& lease : heartbeat.held()) {
+    const FramePart part = PartOf(job::UnitFromProto(lease.unit()));
+    if (farm->finish_leases.Find(worker, part, Attempt(lease.attempt())) != nullptr)
+      farm->NoteFiltered(part, lease.filtered());
+  }
 }
 
 void WorkerCalls::KeepLog(WorkerId worker, const google::protobuf::RepeatedPtrField<v1::LogEvent>& lines) {

@@ -24,13 +24,14 @@ class ChildProcessFinisher final : public FrameFinisher {
       : folder_(folder), child_(options) {}
 
   absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame, int threads,
-                                         const std::vector<int>& blocks) override {
+                                         const std::vector<int>& blocks,
+                                         const FilterProgress& progress) override {
     return Run(
         {.job = job.job, .epoch = job.epoch, .frame = frame, .round = kResult, .rendered = {}, .samples = 0},
-        threads, blocks);
+        threads, blocks, progress);
   }
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {
-    return Run(round, threads, {});
+    return Run(round, threads, {}, nullptr);
   }
   void CancelJob(const job::JobId& job) override { child_.CancelJob(job); }
   void Cancel() override { child_.Cancel(); }
@@ -38,14 +39,15 @@ class ChildProcessFinisher final : public FrameFinisher {
  private:
   /// Starts a child for the estimate of a round, or for the result.
   absl::StatusOr<v1::FrameReport> Run(const RoundToEstimate& what, int threads,
-                                      const std::vector<int>& blocks);
+                                      const std::vector<int>& blocks, const FilterProgress& progress);
 
   const DataFolder folder_;
   ChildProcess child_;
 };
 
 absl::StatusOr<v1::FrameReport> ChildProcessFinisher::Run(const RoundToEstimate& what, int threads,
-                                                          const std::vector<int>& blocks) {
+                                                          const std::vector<int>& blocks,
+                                                          const FilterProgress& progress) {
   const std::string task = absl::StrCat("frame ", what.frame);
   const absl::StatusOr<std::string> answer = child_.Run(
       {.command = kFinishFrameCommand,
@@ -56,7 +58,8 @@ absl::StatusOr<v1::FrameReport> ChildProcessFinisher::Run(const RoundToEstimate&
                      absl::StrCat(what.epoch.value()), absl::StrJoin(blocks, ","),
                      what.round == kResult ? "" : kUrgent},  // workers wait for rounds
        .job = what.job,
-       .task = task});
+       .task = task,
+       .progress = progress});
   if (!answer.ok()) return answer.status();
   v1::FrameReport report;
   if (!report.ParseFromString(*answer))
@@ -88,7 +91,7 @@ absl::StatusOr<std::string> FinishAsChild(const ChildTask& task) {
   what.epoch = ledger::Epoch(epoch);
   const absl::StatusOr<v1::FrameReport> report =
       what.round == kResult ? FinishFrame(task.folder, task.store, {what.job, what.epoch}, what.frame,
-                                          task.pool, rpc::MonotonicNow, {}, blocks)
+                                          task.pool, rpc::MonotonicNow, {}, blocks, task.progress)
                             : EstimateRound(task.folder, task.store, what, task.pool, rpc::MonotonicNow);
   if (!report.ok()) return report.status();
   return report->SerializeAsString();

@@ -17,8 +17,8 @@ namespace lumifold::server {
 absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::JobStore& store,
                                             const ledger::OwnedJob& owned, int32_t frame, TaskPool* pool,
                                             const std::function<absl::Time()>& now,
-                                            const filter::BlockParams& blocks,
-                                            const std::vector<int>& ready) {
+                                            const filter::BlockParams& blocks, const std::vector<int>& ready,
+                                            const FilterProgress& progress) {
   const job::JobId& job_id = owned.job;
   const absl::StatusOr<ledger::JobRecord> job = store.GetJob(job_id);
   if (!job.ok()) return job.status();
@@ -46,7 +46,8 @@ absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::Jo
                       static_cast<int64_t>(FrameBlocks(job->spec, blocks).PictureBytes(block)));
          if (!bytes.ok()) return std::nullopt;  // it is made here
          return *std::move(bytes);
-       }},
+       },
+       .progress = progress},
       {.path = path, .files = folder.files(), .may_commit = [&] { return CheckOwner(store, owned); }}, pool,
       now, blocks);
   if (!report.ok()) return report;

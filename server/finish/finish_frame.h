@@ -6,6 +6,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "filter/blocks.h"
+#include "filter/image/filtered_picture.h"
 #include "filter/image/parallel.h"
 #include "lumifold/v1/job.pb.h"
 #include "server/ledger/job_store.h"
@@ -15,7 +16,7 @@ namespace lumifold::server {
 
 /// Makes the result file of a committed frame by MakePicture, and its digest. A repeated call writes the same
 /// bytes. Of the blocks named in `ready` the picture is at DataFolder::BlockPath; one that cannot be read is
-/// made here. Returns the time of each stage, measured with `now`.
+/// made here. `progress` is told how far the filter is. Returns the time of each stage, measured with `now`.
 /// Errors: kNotFound for an unknown job; those of MakePicture; kAborted where the job has another owner by
 /// the end: then the result is not replaced.
 /// Threads: safe for different frames; the file does not depend on `pool`, which may be null.
@@ -23,6 +24,7 @@ absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::Jo
                                             const ledger::OwnedJob& job, int32_t frame, TaskPool* pool,
                                             const std::function<absl::Time()>& now,
                                             const filter::BlockParams& blocks = {},
-                                            const std::vector<int>& ready = {});
+                                            const std::vector<int>& ready = {},
+                                            const FilterProgress& progress = nullptr);
 
 }  // namespace lumifold::server

@@ -8,6 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "filter/image/filtered_picture.h"
 #include "lumifold/v1/job.pb.h"
 #include "server/child/child_process.h"
 #include "server/finish/estimate_round.h"
@@ -22,10 +23,12 @@ class FrameFinisher {
  public:
   virtual ~FrameFinisher() = default;
 
-  /// Writes the frame's result; blocks. `blocks`: those that DataFolder::BlockPath has.
+  /// Writes the frame's result; blocks. `blocks`: those that DataFolder::BlockPath has. `progress` is told how
+  /// far the filter is.
   /// Errors: as FinishFrame; kCancelled after Cancel, and after CancelJob of this job while it runs.
   virtual absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame, int threads,
-                                                 const std::vector<int>& blocks) = 0;
+                                                 const std::vector<int>& blocks,
+                                                 const FilterProgress& progress) = 0;
 
   /// Adds the estimate of a round to the frame's record; blocks.
   /// Errors: as EstimateRound; otherwise as Finish.

@@ -15,9 +15,10 @@ class InProcessFinisher final : public FrameFinisher {
       : folder_(folder), store_(store), now_(std::move(now)) {}
 
   absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame, int threads,
-                                         const std::vector<int>& blocks) override {
+                                         const std::vector<int>& blocks,
+                                         const FilterProgress& progress) override {
     if (cancelled_) return absl::CancelledError("the coordinator is stopping");
-    return FinishFrame(folder_, *store_, job, frame, MakeTaskPool(threads).get(), now_, {}, blocks);
+    return FinishFrame(folder_, *store_, job, frame, MakeTaskPool(threads).get(), now_, {}, blocks, progress);
   }
 
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {

@@ -12,13 +12,13 @@ namespace lumifold::server {
 absl::StatusOr<FilteredRound> FilterRound(const v1::JobSpec& spec, int32_t frame,
                                           const job::FrameRounds& rounds, int round,
                                           const film::UnitSource& units, filter::FilterPurpose purpose,
-                                          TaskPool* pool) {
+                                          TaskPool* pool, const FilterProgress& progress) {
   absl::StatusOr<film::UnitFilm> film = film::UnitFilm::Open(spec, frame, &units, pool, {&rounds, round + 1});
   if (!film.ok()) return film.status();
   absl::StatusOr<EdgedImage> read = film->Read({0, 0, film->width(), film->height()});
   if (!read.ok()) return read.status();
   absl::StatusOr<FilteredPicture> filtered = filter::FilterFilmWithDeviation(
-      read->pixels, spec.filter().method(), pool, &read->edges, &read->fragments, purpose);
+      read->pixels, spec.filter().method(), pool, &read->edges, &read->fragments, purpose, {}, progress);
   if (!filtered.ok()) return filtered.status();
   return FilteredRound{*std::move(read), *std::move(filtered)};
 }

@@ -26,7 +26,7 @@ struct FilteredRound {
 absl::StatusOr<FilteredRound> FilterRound(const v1::JobSpec& spec, int32_t frame,
                                           const job::FrameRounds& rounds, int round,
                                           const film::UnitSource& units, filter::FilterPurpose purpose,
-                                          TaskPool* pool);
+                                          TaskPool* pool, const FilterProgress& progress = nullptr);
 
 /// Estimated errors, by block, in the metric of the job: as FrameSampling wants them.
 std::vector<double> ErrorsOf(const FilteredRound& frame, const v1::JobSpec& spec, TaskPool* pool);

@@ -10,6 +10,7 @@
 #include "absl/time/time.h"
 #include "filter/blocks.h"
 #include "filter/image/file_system.h"
+#include "filter/image/filtered_picture.h"
 #include "filter/image/parallel.h"
 #include "filter/image/rect.h"
 #include "lumifold/v1/job.pb.h"
@@ -29,6 +30,7 @@ struct CompleteFrame {
   const job::FrameRounds* rounds = nullptr;
   /// The pictures of blocks that MakeBlock has made, by number; nullopt or null: it is made here.
   std::function<absl::StatusOr<std::optional<std::string>>(int block)> ready_blocks = nullptr;
+  FilterProgress progress = nullptr;  // null: nobody is told
 };
 
 /// The blocks of a frame of the job, numbered row by row.

@@ -25,6 +25,7 @@
 #include "proto/rpc/rect_codec.h"
 #include "server/child/child_task.h"
 #include "server/commit/committed_units.h"
+#include "server/film/matte.h"
 #include "server/film/result.h"
 #include "server/film/unit_film.h"
 #include "server/preview/fill_gaps.h"
@@ -128,6 +129,11 @@ std::vector<std::string> LayersOf(const v1::PixelLayout& layout) {
 
 int FactorOf(int width, int height) { return (std::max(width, height) + kPreviewSide - 1) / kPreviewSide; }
 
+bool IsTransparent(const v1::JobSpec& spec) { return spec.background() == v1::BACKGROUND_TRANSPARENT; }
+
+/// Whether the colours of a layer are premultiplied by A in a transparent picture.
+bool HasAlpha(const std::string& layer) { return layer.empty() || layer == layers::kNoisy; }
+
 /// What a picture that is shown stands for.
 struct Part {
   int frame_width = 0;
@@ -180,6 +186,7 @@ absl::StatusOr<v1::Preview> PreviewOfResult(const DataFolder& folder, const ledg
   preview.set_units(kFinishedUnits);
   preview.set_finished(true);
   preview.set_samples_per_pixel(job.spec.samples_per_pixel());
+  preview.set_transparent(IsTransparent(job.spec));
   return preview;
 }
 
@@ -264,6 +271,32 @@ Plane ErrorOf(const FilteredPreview& preview, TaskPool* pool) {
   return error;
 }
 
+/// Whether surfaces of the film show shadows alone.
+bool CatchesShadows(const LayeredImage& film) {
+  if (!film.Has(layers::kCatcher)) return false;
+  const ConstFloatView catcher = film.Get(layers::kCatcher);
+  for (int y = 0; y < film.height(); ++y) {
+    if (std::any_of(catcher.Row(y), catcher.Row(y) + film.width(), [](float part) { return part > 0; }))
+      return true;
+  }
+  return false;
+}
+
+/// The result that the film so far makes.
+absl::StatusOr<LayeredImage> ResultOf(const Unfinished& of, FilteredPreview preview) {
+  LayeredImage& film = preview.film;
+  if (CatchesShadows(film)) {
+    absl::StatusOr<Picture> shadow =
+        filter::FilterFilm(film::ShadowFilmOf(film), of.spec.filter().method(), of.pool);
+    if (!shadow.ok()) return shadow.status();
+    film.Add(layers::kShadow, std::move((*shadow)[0]));
+  }
+  film::ResultInfo info;
+  info.spec.set_background(of.spec.background());
+  *info.spec.mutable_filter() = of.spec.filter();
+  return film::BuildResult({std::move(film), {}}, std::move(preview.filtered.picture), info).pixels;
+}
+
 absl::StatusOr<v1::Preview> PreviewOfUnits(const Unfinished& of, const Rect& region) {
   const Part whole = {of.spec.width(), of.spec.height(), region.IsEmpty() ? 0 : 1, region};
   if (absl::Status status = CheckRegion(region, whole.frame_width, whole.frame_height); !status.ok())
@@ -275,14 +308,20 @@ absl::StatusOr<v1::Preview> PreviewOfUnits(const Unfinished& of, const Rect& reg
   const Part part = filtered->part;
   Plane samples = SamplesOf(filtered->film, part.reduction);
   const double mean = MeanOf(samples);
-  LayeredImage picture =
-      film::BuildResult({std::move(filtered->film), {}}, std::move(filtered->filtered.picture), {}).pixels;
+  absl::StatusOr<LayeredImage> built = ResultOf(of, *std::move(filtered));
+  if (!built.ok()) return built.status();
+  LayeredImage picture = *std::move(built);
   FillGaps(samples, picture.GetColor(layers::kBeauty));
+  if (IsTransparent(of.spec)) {
+    const FloatView alpha = picture.Get(layers::kAlpha);
+    FillGaps(samples, {alpha, alpha, alpha});
+  }
   picture.Add(kSamples, std::move(samples));
   if (error.has_value()) picture.Add(kErrorChannel, *std::move(error));
   v1::Preview preview = PreviewOf(part, std::move(picture));
   preview.set_units(of.units.count());
   preview.set_samples_per_pixel(mean);
+  preview.set_transparent(IsTransparent(of.spec));
   return preview;
 }
 
@@ -316,7 +355,8 @@ absl::StatusOr<v1::Preview> MakePreview(const DataFolder& folder, ledger::JobSto
 }
 
 absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::string& layer) {
-  const std::vector<std::string> channels = ChannelsOf(all.layout(), layer);
+  std::vector<std::string> channels = ChannelsOf(all.layout(), layer);
+  if (all.transparent() && HasAlpha(layer)) channels.emplace_back(layers::kAlpha);
   if (channels.empty()) {
     return absl::InvalidArgumentError(absl::StrCat("a preview has no layer \"", layer, "\", but \"",
                                                    absl::StrJoin(all.layers(), "\", \""), "\""));

@@ -1,6 +1,7 @@
 """Completion and manual pages: made from what the commands say of themselves, and taken by the shells and by
 man."""
 
+import json
 import os
 import re
 import shutil
@@ -46,6 +47,30 @@ class Completion(harness.CliTest):
         harness.write_scene(self.folder)
         self.assertEqual(self.complete("render", "room.gltf", "--camera", ""), {"camera0"})
         self.assertEqual(self.complete("watch", ""), {"last"}, "without a farm")
+
+    def test_each_shell_offers_what_is_in_a_scene(self):
+        scene = json.loads(harness.write_scene(self.folder).read_text())
+        bad = "$(touch bad) `touch bad`"
+        scene["cameras"][0]["name"] = bad
+        for node in scene["nodes"]:
+            node["name"] = bad
+        (self.folder / "room.gltf").write_text(json.dumps(scene))
+        self.assertEqual(self.complete("render", "room.gltf", "--camera", ""), {bad})
+        environment = self.environment | {"PATH": f"{harness.BIN_DIR}:{os.environ['PATH']}"}
+        for shell, script in (
+            ("zsh", "_describe() { }; compadd() { shift; print -rl -- $@ }; CURRENT=2; words=(lumifold render room.gltf)"
+             "; source .script; _lumifold_of_scene cameras"),
+            ("fish", "source .script; complete -C 'lumifold render room.gltf --camera '")):
+            with self.subTest(shell=shell):
+                if shutil.which(shell) is None:
+                    self.skipTest(f"{shell} is not installed (deploy/setup.sh --tests)")
+                (self.folder / ".script").write_text(self.succeed("completion", shell))
+                self.assertIn("_lumifold_of_scene cameras", (self.folder / ".script").read_text())
+                quiet = "-f" if shell == "zsh" else "--no-config"
+                done = subprocess.run([shell, quiet, "-c", script], cwd=self.folder, env=environment, text=True,
+                                      capture_output=True)
+                self.assertEqual((done.stdout.strip(), done.stderr), (bad, ""))
+        self.assertFalse((self.folder / "bad").exists(), "names of others are no commands")
 
     def test_each_shell_reads_its_script(self):
         for shell in ("bash", "zsh", "fish"):

@@ -70,6 +70,10 @@ class PackagesTest(unittest.TestCase):
                              for path in (programs.ROOT / "proto").rglob("*.proto")}
                 expected |= {f"/usr/share/lumifold/schemas/{path.name}"
                              for path in (programs.ROOT / "docs/schemas").iterdir()}
+                expected |= {f"/usr/share/doc/lumifold/examples/{path.name}"
+                             for path in (programs.ROOT / "docs/examples").iterdir() if path.is_file()}
+                expected |= {f"/usr/share/lumifold/blender/{package}.zip"
+                             for package in ("lumifold-blender", "lumifold-blender-extension")}
             if name in packages.SERVICES:
                 expected |= {
                     f"/usr/lib/systemd/system/{name}.service", f"/etc/default/{name}",

@@ -31,6 +31,13 @@ BRIGHTNESS = """(() => {
 # Of a pixel of the part that is shown at full resolution.
 COLOUR = "return [...document.querySelector('#pieces canvas').getContext('2d').getImageData(arguments[0], arguments[1], 1, 1).data].slice(0, 3)"
 
+# A of a canvas: in its corner, and in its middle.
+ALPHAS = """
+  const canvas = document.querySelector(arguments[0]);
+  const alphaAt = (x, y) => canvas.getContext("2d").getImageData(x, y, 1, 1).data[3];
+  return [alphaAt(0, 0), alphaAt(canvas.width >> 1, canvas.height >> 1)];
+"""
+
 # What is fetched as a file: its type, size and first bytes. The browser of the tests saves none.
 SAVED = """
 window.saved = null;
@@ -127,6 +134,20 @@ class PageBrowserTest(unittest.TestCase):
             self.browser.wait(
                 "return [...document.querySelectorAll('#layer-a option')].length > 8 && document.getElementById('layer-a').value"
                 " === arguments[0] && document.getElementById('notice').hidden", layer, layer)
+        self.expect_no_errors()
+
+    def test_behind_a_transparent_picture_is_a_checkerboard(self):
+        self.farm.start_worker()
+        self.submit("--size", "640x160", "--spp", 4, "--ground", "shadow")
+        self.open()
+        self.browser.wait_text("#job-state", "done", seconds=300)
+        self.browser.wait("return document.querySelector('#pieces canvas')?.width === 640", "all pixels", seconds=300)
+        for canvas in ("#canvas", "#pieces canvas"):
+            corner, middle = wait_until(lambda: (alphas := self.browser.run(ALPHAS, canvas))[1] and alphas, canvas)
+            self.assertEqual((corner, middle), (0, 255), canvas)
+            self.assertIn("conic-gradient", self.browser.run(
+                "return getComputedStyle(document.querySelector(arguments[0])).backgroundImage", canvas))
+        self.shoot("transparent")
         self.expect_no_errors()
 
     def test_files_and_links_leave_the_page(self):

@@ -4,7 +4,9 @@ coordinator that is killed, another one over the same data, and URLs that are no
 import contextlib
 import importlib.util
 import json
+import os
 import pathlib
+import shutil
 import ssl
 import subprocess
 import sys
@@ -20,6 +22,17 @@ from metrics import address_of, samples, scrape
 from page_http_test import DOCUMENT, conforms
 
 EXAMPLE = pathlib.Path(__file__).parents[2] / "docs/examples/webhook_receiver.py"
+NODE_PACKAGE = pathlib.Path(__file__).parents[2] / "client/node/index.js"
+NODE_JOB = """
+const {Farm} = await import(process.env.LUMIFOLD_NODE);
+const [address, scene, webhook] = process.argv.slice(1);
+const farm = new Farm(address);
+const small = {size: [32, 32], samples: 2};
+const job = await farm.render(scene, {...small, webhook});
+await job.wait();
+const refused = await farm.render(scene, {...small, webhook: "https://hooks.example.org/"}).catch((error) => error);
+console.log(JSON.stringify({job: job.id, refused: [refused.code, refused.message.includes("--webhook-hosts")]}));
+"""
 SETTINGS = ["--size", "32x32", "--spp", "4", "--seed", "5", "--plan", "full"]
 
 
@@ -203,6 +216,22 @@ class WebhookTest(unittest.TestCase):
                     check=False)
         self.assertEqual(wrong.returncode, 1)
         self.assertIn("--webhook-hosts", wrong.stderr)
+
+    @unittest.skipUnless(shutil.which("node"), "node is not installed (deploy/setup.sh --tests)")
+    def test_a_job_of_the_node_package_calls_too(self):
+        hook = self.enterContext(Hook())
+        farm = self.farm("--webhook-hosts", f"localhost:{hook.port}")
+        hook.open(farm.data / "webhook.secret")
+        farm.start_worker()
+        done = subprocess.run(
+            ["node", "--input-type=module", "-e", NODE_JOB, farm.client("page").stdout.strip(), self.scene,
+             f"http://localhost:{hook.port}/node"],
+            env={**os.environ, "LUMIFOLD_NODE": str(NODE_PACKAGE)}, text=True, capture_output=True)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        seen = json.loads(done.stdout)
+        message = hook.await_message()
+        self.assertEqual((message["job_id"], message["state"]), (seen["job"], "JOB_STATE_DONE"))
+        self.assertEqual(seen["refused"], ["FAILED_PRECONDITION", True])
 
     def test_the_receiver_of_the_manual_prints_what_has_ended(self):
         secret = self.root / "secret"

@@ -80,6 +80,10 @@ test("each kind of layer is painted", () => {
     assert.deepEqual(pixels.slice(0, 4), [0, 0, 0, 255]);
     assert.ok(pixels[4] + pixels[5] + pixels[6] > 0, layer);
   }
+  const alpha = [...preview.planes, Float32Array.of(0, 0.5)];
+  const pixels = new Uint8ClampedArray(8);
+  paint({...preview, planes: alpha, channels: ["R", "G", "B", "A"]}, "", -2, "srgb", pixels);
+  assert.deepEqual([...pixels], [0, 0, 0, 0, 255, 255, 255, 128], "as bright as without A, and half of it is there");
   assert.deepEqual(rangeOf(Float32Array.of(0, 3, Infinity, 1, NaN)), [1, 3]);
   assert.deepEqual(rangeOf(Float32Array.of(0)), [0, 1]);
   assert.notDeepEqual(colourOfId(1), colourOfId(2));

@@ -81,8 +81,14 @@ absl::Status Finish(const v1::JobSpec& spec, const std::string& numeric_class, c
   film::LevelSet levels;
   const absl::StatusOr<film::UnitRecords> units = Fetch(lease, link, control, &files, &levels);
   if (!units.ok()) return units.status();
-  const server::CompleteFrame frame = {
-      .spec = spec, .frame = lease.unit().frame(), .numeric_class = numeric_class, .units = *units};
+  const server::CompleteFrame frame = {.spec = spec,
+                                       .frame = lease.unit().frame(),
+                                       .numeric_class = numeric_class,
+                                       .units = *units,
+                                       .progress = [control](double share) {
+                                         ++control->progress;
+                                         control->filtered = share;
+                                       }};
   const absl::StatusOr<v1::FrameReport> report =
       lease.unit().kind() == v1::UNIT_KIND_BLOCK
           ? FilterBlock(frame, lease.unit().tile(), levels, &files)

@@ -64,9 +64,10 @@ void HeldUnits::AddTo(v1::Heartbeat* heartbeat) const {
   for (const auto& [attempt, taken] : taken_) all += taken->control.progress;
   for (const v1::Lease& lease : held_) {
     const auto own = taken_.find(lease.attempt());
-    *heartbeat->add_held() = lease;
-    heartbeat->mutable_held()->rbegin()->set_progress(
-        own == taken_.end() ? all : own->second->control.progress.load());
+    v1::Lease* const held = heartbeat->add_held();
+    *held = lease;
+    held->set_progress(own == taken_.end() ? all : own->second->control.progress.load());
+    if (own != taken_.end()) held->set_filtered(own->second->control.filtered);
   }
   heartbeat->set_newest_attempt(newest_attempt_);
 }

@@ -31,8 +31,10 @@ struct RenderedUnit {
 
 /// What other threads see of a unit that is being rendered, and what they ask of it.
 struct UnitControl {
-  /// Grows by one for each row of pixels traced and for each file of a scene loaded.
+  /// Grows by one for each row of pixels traced, for each file of a scene loaded and each step of a filter.
   std::atomic<int64_t> progress = 0;
+  /// Of a frame or block that is finished: the share that is filtered.
+  std::atomic<double> filtered = 0;
   /// The unit is no longer wanted.
   std::atomic<bool> stop = false;
 };

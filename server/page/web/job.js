@@ -54,6 +54,11 @@ function skippedFrames(job) {
     .map(({first, count}) => (count > 1 ? `${first}-${first + count - 1}` : `${first}`)).join(", ");
 }
 
+/** "2 in the filter, 40 %": of both together. */
+function filteringText({frames_filtering: count, frames_filtered: done}) {
+  return `${count} in the filter${done ? `, ${Math.floor((100 * done) / count)} %` : ""}`;
+}
+
 export function showFacts(elements, job, left) {
   const state = stateOf(job);
   const percent = Math.floor(100 * progressOf(job));
@@ -67,7 +72,7 @@ export function showFacts(elements, job, left) {
   if (!hasEnded(job)) facts.push(`${percent} %, ${job.units_done} of ${job.units_total} units`);
   if (job.frames_total > 1) facts.push(`${job.frames_done} of ${job.frames_total} frames`);
   if (job.frames_skipped) facts.push(`${job.frames_skipped} skipped: ${skippedFrames(job)}`);
-  if (job.frames_filtering) facts.push(`${job.frames_filtering} in the filter`);
+  if (job.frames_filtering) facts.push(filteringText(job));
   if (job.frames_waiting) facts.push(`${job.frames_waiting} waiting for it`);
   if (job.workers) facts.push(`${job.workers} ${job.workers === 1 ? "worker" : "workers"}`);
   if (job.estimated_error !== undefined) facts.push(`error ${Number(job.estimated_error).toPrecision(3)}`);

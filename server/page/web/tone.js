@@ -48,8 +48,14 @@ export function rangeOf(plane) {
   return most > 0 ? [least, most] : [0, 1];
 }
 
+/** A of a transparent picture, by which its colours are premultiplied; null of others. */
+export function alphaOf(preview) {
+  return preview.channels?.[3] === "A" ? preview.planes[3] : null;
+}
+
 /**
  * Fills `pixels` (RGBA) with a layer of a preview. Returns what the colours mean, where they are no picture.
+ * A of a transparent picture is that of the pixels, which are not premultiplied, as in PNG.
  * @param {object} preview of parsePreview
  * @param {object} whole preview of the whole frame: a part of it has the same colours
  */
@@ -89,6 +95,11 @@ export function paint(preview, layer, exposure, transform, pixels, whole = previ
     return `From ${least.toPrecision(3)} (bright) to ${most.toPrecision(3)}; black is nothing.`;
   }
   const tone = toneOf(transform);
-  for (let i = 0; i < count; ++i) set(i, [tone(gain * r[i]), tone(gain * g[i]), tone(gain * b[i])]);
+  const alpha = alphaOf(preview);
+  for (let i = 0; i < count; ++i) {
+    const scale = alpha && alpha[i] > 0 ? gain / alpha[i] : gain;
+    set(i, [tone(scale * r[i]), tone(scale * g[i]), tone(scale * b[i])]);
+    if (alpha) pixels[4 * i + 3] = 255 * alpha[i];
+  }
   return "";
 }

@@ -1,11 +1,13 @@
 // The picture: two layers of a preview beside each other, moved, zoomed, and read pixel by pixel.
 
 import {MOST_PIECES, piecesOf} from "/pieces.js";
-import {paint} from "/tone.js";
+import {alphaOf, paint} from "/tone.js";
 
 const MOST_ZOOM = 64;
 /** After the last change of the view, until parts of the frame are fetched. */
 const PIECES_PAUSE_MS = 300;
+/** Squares behind transparent pictures, on the screen. */
+const CHECKER_PX = 16;
 
 /**
  * Draws previews by layer on a canvas, as the view {layers, exposure, transform, previews} shows them: A up
@@ -15,6 +17,7 @@ export function drawBeside(canvas, previews, view, middle) {
   const {layers, exposure, transform} = view;
   const context = canvas.getContext("2d");
   const {width, height} = canvas;
+  context.clearRect(0, 0, width, height);
   context.imageSmoothingEnabled = false;
   const sides = [[layers[0], 0, middle], [layers[1], middle, width]];
   return sides.map(([layer, from, to]) => {
@@ -106,9 +109,9 @@ export class Viewer {
     if (!this.size) return;
     const legends = drawBeside(this.canvas, this.previews, this, this.middleOf(this.canvas.width));
     const middle = this.middleOf(this.size.width);
+    this.viewer.classList.toggle("transparent", [...this.previews.values()].some(alphaOf));
     for (const piece of this.pieces.values()) {
       const {width} = piece.canvas;
-      piece.canvas.getContext("2d").clearRect(0, 0, width, piece.canvas.height);
       drawBeside(piece.canvas, this.newEnough(piece), this, Math.min(Math.max(middle - piece.x0, 0), width));
     }
     this.legend.textContent = [...new Set(legends)].filter(Boolean).join(" ");
@@ -191,11 +194,14 @@ export class Viewer {
   place() {
     this.canvas.style.transform = `translate(${this.x}px, ${this.y}px) scale(${this.zoom})`;
     this.canvas.classList.toggle("pixels", this.zoom >= 2);
+    this.canvas.style.backgroundSize = `${CHECKER_PX / this.zoom}px ${CHECKER_PX / this.zoom}px`;
     for (const {canvas, x0, y0} of this.pieces.values()) {
       const scale = this.zoom / this.size.reduction;
       const [x, y] = [this.x + x0 * scale, this.y + y0 * scale];
       canvas.style.transform = `translate(${x}px, ${y}px) scale(${scale})`;
       canvas.classList.toggle("pixels", scale >= 2);
+      canvas.style.backgroundSize = `${CHECKER_PX / scale}px ${CHECKER_PX / scale}px`;
+      canvas.style.backgroundPosition = `${-x0}px ${-y0}px`; // the squares are those of the whole picture
     }
     this.lookCloser();
   }

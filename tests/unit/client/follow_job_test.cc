@@ -144,7 +144,15 @@ TEST(ProgressOf, CountsSamplesWhileRenderingAlone) {
   EXPECT_EQ(ProgressOf(filtering).stage, "filtering");
   filtering.set_frames_filtering(2);
   EXPECT_EQ(ProgressOf(filtering).note, "") << "of one frame there is nothing to tell";
+  filtering.set_frames_filtered(0.25);
+  filtering.set_frames_total(1);
+  EXPECT_EQ(ProgressOf(filtering).done, 250);
+  EXPECT_EQ(ProgressOf(filtering).total, 1000);
+  filtering.set_frames_done(8);
+  filtering.set_frames_skipped(2);
   filtering.set_frames_total(12);
+  EXPECT_EQ(ProgressOf(filtering).done, 8250);
+  EXPECT_EQ(ProgressOf(filtering).total, 10000);
   EXPECT_EQ(ProgressOf(filtering).note, "2 in the filter");
   filtering.set_frames_waiting(4);
   EXPECT_EQ(ProgressOf(filtering).note, "2 in the filter, 4 waiting");

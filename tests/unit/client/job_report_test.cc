@@ -35,10 +35,12 @@ TEST(JobReport, TellsWhichFramesAreInTheFilter) {
   v1::JobStatus job = SampleJob();
   EXPECT_EQ(FilteringText(job), "");
   job.set_frames_filtering(2);
+  job.set_frames_filtered(1.5);
   EXPECT_NE(JobText(job).find("\nframes: 0 of 1, 2 in the filter\n"), std::string::npos) << JobText(job);
   job.set_frames_waiting(4);
   EXPECT_NE(JobText(job).find("\nframes: 0 of 1, 2 in the filter, 4 waiting\n"), std::string::npos);
-  EXPECT_NE(JobJson(job, {}).find(R"("frames_total":1,"frames_filtering":2,"frames_waiting":4,)"),
+  EXPECT_NE(JobJson(job, {}).find(
+                R"("frames_total":1,"frames_filtering":2,"frames_filtered":1.5,"frames_waiting":4,)"),
             std::string::npos);
 }
 

@@ -196,6 +196,25 @@ TEST(FilterInBlocks, TellsTheShareThatIsDone) {
   }
 }
 
+TEST(FilterInBlocks, BlocksThatAreReadyAreDone) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(64, 128, 0.3f, 5);
+  FilmInMemory film(synthetic.film);
+  std::vector<double> shares;
+  const absl::Status status = FilterFilmInRows(
+      &film, "default", {}, nullptr, [](const LayeredImage&) { return absl::OkStatus(); }, kSmall,
+      [](int, int row) -> absl::StatusOr<std::optional<std::vector<Picture>>> {
+        if (row > 0) return std::nullopt;
+        std::vector<Picture> pictures;
+        const Rect output = BlockGrid(64, 128, kSmall).Output(0, 0);
+        pictures.push_back(MakePicture(output.width(), output.height()));
+        return pictures;
+      },
+      [&](double share) { shares.push_back(share); });
+  ASSERT_TRUE(status.ok()) << status;
+  ASSERT_FALSE(shares.empty());
+  EXPECT_GE(shares.front(), 0.5);
+}
+
 TEST(EdgesInside, KeepsThePixelsOfThePartAndCountsFromItsCorner) {
   LayeredImage edges(kSubSamples, 3);
   const FloatView x = edges.Add(layers::kPixelX);

@@ -23,9 +23,10 @@ class GatedFinisher final : public FrameFinisher {
   explicit GatedFinisher(std::unique_ptr<FrameFinisher> inner) : inner_(std::move(inner)) {}
 
   absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame, int threads,
-                                         const std::vector<int>& blocks) override {
+                                         const std::vector<int>& blocks,
+                                         const FilterProgress& progress) override {
     gate_.WaitForNotification();
-    return inner_->Finish(job, frame, threads, blocks);
+    return inner_->Finish(job, frame, threads, blocks, progress);
   }
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {
     return inner_->Estimate(round, threads);

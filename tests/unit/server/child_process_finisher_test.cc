@@ -35,19 +35,34 @@ class ChildProcessFinisherTest : public CommittedFrameFixture {
 
 TEST_F(ChildProcessFinisherTest, WritesTheSameFileAsTheFinisherWithin) {
   ASSERT_TRUE(MakeInProcessFinisher(folder_, store_.get(), [] { return absl::Now(); })
-                  ->Finish(kOwned, 0, 2, {})
+                  ->Finish(kOwned, 0, 2, {}, nullptr)
                   .ok());
   const std::string expected = Result(kJob);
   ASSERT_FALSE(expected.empty());
   ASSERT_TRUE(RemoveAll(folder_.ResultsPath(kJob)).ok());
-  const absl::StatusOr<v1::FrameReport> report = Child()->Finish(kOwned, 0, 1, {});
+  const absl::StatusOr<v1::FrameReport> report = Child()->Finish(kOwned, 0, 1, {}, nullptr);
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_GT(report->times().filter_seconds(), 0.0);
   EXPECT_EQ(Result(kJob), expected);
 }
 
+TEST_F(ChildProcessFinisherTest, TellsHowFarTheFilterOfTheChildIs) {
+  for (const bool is_child : {true, false}) {
+    std::vector<double> shares;
+    const std::unique_ptr<FrameFinisher> finisher =
+        is_child ? Child() : MakeInProcessFinisher(folder_, store_.get(), [] { return absl::Now(); });
+    const absl::StatusOr<v1::FrameReport> report =
+        finisher->Finish(kOwned, 0, 1, {}, [&](double share) { shares.push_back(share); });
+    ASSERT_TRUE(report.ok()) << report.status();
+    ASSERT_FALSE(shares.empty());
+    EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
+    EXPECT_GT(shares.front(), 0);
+    EXPECT_LE(shares.back(), 1);
+  }
+}
+
 TEST_F(ChildProcessFinisherTest, TellsWhatTheChildTells) {
-  const absl::Status status = Child()->Finish({JobId("j-none"), {}}, 0, 1, {}).status();
+  const absl::Status status = Child()->Finish({JobId("j-none"), {}}, 0, 1, {}, nullptr).status();
   EXPECT_EQ(status, absl::NotFoundError("no job j-none"));
 }
 
@@ -57,7 +72,7 @@ TEST_F(ChildProcessFinisherTest, ADamagedRecordIsNamed) {
   const int byte = file.seekg(5000).peek();
   file.seekp(5000).put(static_cast<char>(byte ^ 1));
   file.close();
-  const absl::Status status = Child()->Finish(kOwned, 0, 1, {}).status();
+  const absl::Status status = Child()->Finish(kOwned, 0, 1, {}, nullptr).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
   EXPECT_THAT(std::string(status.message()), HasSubstr(path));
   EXPECT_EQ(Result(kJob), "");
@@ -67,19 +82,21 @@ TEST_F(ChildProcessFinisherTest, AChildWithoutMemoryIsAnErrorAndNoCrash) {
 #if defined(__SANITIZE_ADDRESS__)
   GTEST_SKIP() << "the address sanitizer needs more address space than any limit";
 #else
-  EXPECT_FALSE(Child({.memory_limit_bytes = 1 << 20})->Finish(kOwned, 0, 1, {}).ok());
+  EXPECT_FALSE(Child({.memory_limit_bytes = 1 << 20})->Finish(kOwned, 0, 1, {}, nullptr).ok());
 #endif
 }
 
 TEST_F(ChildProcessFinisherTest, AChildWithoutProgramIsAnErrorAndNoCrash) {
-  EXPECT_THAT(std::string(Child({.program = "/none/such"})->Finish(kOwned, 0, 1, {}).status().message()),
-              HasSubstr("/none/such"));
+  EXPECT_THAT(
+      std::string(Child({.program = "/none/such"})->Finish(kOwned, 0, 1, {}, nullptr).status().message()),
+      HasSubstr("/none/such"));
 }
 
 /// A program that answers with its arguments and the store in its environment.
 std::string Echo(const TempFolder& folder) {
   std::string path = folder.PathOf("child");
-  std::ofstream(path) << "#!/bin/sh\nprintf '13 arguments %s, store %s' \"$*\" \"$LUMIFOLD_STORE\"; exit 1\n";
+  std::ofstream(path)
+      << "#!/bin/sh\nprintf '=13 arguments %s, store %s' \"$*\" \"$LUMIFOLD_STORE\"; exit 1\n";
   std::filesystem::permissions(path, std::filesystem::perms::owner_all);
   return path;
 }
@@ -95,7 +112,7 @@ TEST_F(ChildProcessFinisherTest, AChildIsToldWhatItIsToDo) {
                                  .samples = 64};
   const std::string common = "arguments finish-frame " + folder_.root() + " 3 1048576 j-1 4 ";
   EXPECT_EQ(finisher->Estimate(round, 3).status().message(), common + "2 1500 64 7  urgent, store s");
-  EXPECT_EQ(finisher->Finish({kJob, ledger::Epoch(7)}, 4, 3, {5, 0}).status().message(),
+  EXPECT_EQ(finisher->Finish({kJob, ledger::Epoch(7)}, 4, 3, {5, 0}, nullptr).status().message(),
             common + "-1 0 0 7 5,0 , store s");
 }
 
@@ -122,7 +139,7 @@ TEST_F(ChildProcessFinisherTest, AnEstimateGoesByTheTimeThatTheJobHasTaken) {
 
 TEST_F(ChildProcessFinisherTest, TheNameOfTheStoreIsInTheEnvironmentOfTheChildAndNotInItsArguments) {
   const absl::Status status = Child({.program = Echo(temp_), .store = "postgresql://u:secret@h/db"})
-                                  ->Finish(kOwned, 0, 1, {})
+                                  ->Finish(kOwned, 0, 1, {}, nullptr)
                                   .status();
   const std::string message(status.message());
   EXPECT_THAT(message, HasSubstr(", store postgresql://u:secret@h/db"));
@@ -153,7 +170,7 @@ TEST_F(ChildProcessFinisherTest, AnEstimateThatWorkersWaitForDoesNotYield) {
 TEST_F(ChildProcessFinisherTest, TheFinisherWithinKeepsThePriorityOfItsProcess) {
   const int before = getpriority(PRIO_PROCESS, 0);
   ASSERT_TRUE(MakeInProcessFinisher(folder_, store_.get(), [] { return absl::Now(); })
-                  ->Finish(kOwned, 0, 2, {})
+                  ->Finish(kOwned, 0, 2, {}, nullptr)
                   .ok());
   EXPECT_EQ(getpriority(PRIO_PROCESS, 0), before);
 }
@@ -169,7 +186,7 @@ std::string Sleeper(const TempFolder& folder) {
 TEST_F(ChildProcessFinisherTest, AChildThatRunsTooLongIsKilled) {
   const absl::Time start = absl::Now();
   const absl::Status status = Child({.program = Sleeper(temp_), .time_limit = absl::Milliseconds(100)})
-                                  ->Finish(kOwned, 0, 1, {})
+                                  ->Finish(kOwned, 0, 1, {}, nullptr)
                                   .status();
   EXPECT_EQ(status.code(), absl::StatusCode::kDeadlineExceeded);
   EXPECT_THAT(std::string(status.message()), HasSubstr("frame 0 ran longer than 100ms"));
@@ -187,26 +204,40 @@ TEST_F(ChildProcessFinisherTest, TheEndOfItsJobKillsAChildAndOfNoOther) {
       absl::SleepFor(absl::Milliseconds(10));
     }
   });
-  EXPECT_EQ(finisher->Finish(kOwned, 0, 1, {}).status(), absl::CancelledError("the job has ended"));
+  EXPECT_EQ(finisher->Finish(kOwned, 0, 1, {}, nullptr).status(), absl::CancelledError("the job has ended"));
   has_ended = true;
   canceller.join();
   finisher->CancelJob(kJob);  // no effect on later calls
-  EXPECT_TRUE(Child()->Finish(kOwned, 0, 1, {}).ok());
+  EXPECT_TRUE(Child()->Finish(kOwned, 0, 1, {}, nullptr).ok());
 }
 
 TEST_F(ChildProcessFinisherTest, AKilledChildIsWorthRetrying) {
   const std::string path = temp_.PathOf("suicide");
   std::ofstream(path) << "#!/bin/sh\nkill -9 $$\n";
   std::filesystem::permissions(path, std::filesystem::perms::owner_all);
-  const absl::Status status = Child({.program = path})->Finish(kOwned, 0, 1, {}).status();
+  const absl::Status status = Child({.program = path})->Finish(kOwned, 0, 1, {}, nullptr).status();
   EXPECT_THAT(std::string(status.message()), HasSubstr("ended by signal 9"));
   EXPECT_TRUE(IsWorthRetrying(status));
+}
+
+TEST_F(ChildProcessFinisherTest, AChildThatEndsWithoutAnAnswerIsAnErrorHoweverFarItWas) {
+  const std::string path = temp_.PathOf("silent");
+  for (const std::string text : {"", "\\201\\300\\344"}) {
+    std::ofstream(path) << "#!/bin/sh\nprintf '" << text << "'\n";
+    std::filesystem::permissions(path, std::filesystem::perms::owner_all);
+    std::vector<double> shares;
+    const absl::Status status = Child({.program = path})
+                                    ->Finish(kOwned, 0, 1, {}, [&](double share) { shares.push_back(share); })
+                                    .status();
+    EXPECT_THAT(std::string(status.message()), HasSubstr("ended with code 0 and no answer"));
+    EXPECT_EQ(shares.empty() ? 0 : shares.back(), text.empty() ? 0 : 1);
+  }
 }
 
 TEST_F(ChildProcessFinisherTest, AfterCancelNothingStarts) {
   const std::unique_ptr<FrameFinisher> finisher = Child();
   finisher->Cancel();
-  EXPECT_EQ(finisher->Finish(kOwned, 0, 1, {}).status().code(), absl::StatusCode::kCancelled);
+  EXPECT_EQ(finisher->Finish(kOwned, 0, 1, {}, nullptr).status().code(), absl::StatusCode::kCancelled);
   EXPECT_EQ(Result(kJob), "");
 }
 

@@ -29,8 +29,8 @@ const JobId kOther("j-2");
 /// Fails as often as told, job by job.
 class FailingFinisher final : public FrameFinisher {
  public:
-  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& owned, int32_t, int,
-                                         const std::vector<int>&) override {
+  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& owned, int32_t, int, const std::vector<int>&,
+                                         const FilterProgress&) override {
     absl::MutexLock lock(&mutex_);
     const JobId& job = owned.job;
     tried_.push_back(job);
@@ -45,7 +45,7 @@ class FailingFinisher final : public FrameFinisher {
     return error;
   }
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {
-    return Finish({round.job, round.epoch}, round.frame, threads, {});
+    return Finish({round.job, round.epoch}, round.frame, threads, {}, nullptr);
   }
   void CancelJob(const JobId&) override {
     absl::MutexLock lock(&mutex_);

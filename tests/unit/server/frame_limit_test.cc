@@ -64,15 +64,15 @@ TEST(OpenLogs, ClosesTheOneThatWasUsedLeastRecently) {
 /// before it.
 class SlowFinisher final : public FrameFinisher {
  public:
-  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob&, int32_t, int,
-                                         const std::vector<int>&) override {
+  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob&, int32_t, int, const std::vector<int>&,
+                                         const FilterProgress&) override {
     absl::MutexLock lock(&mutex_);
     mutex_.Await(absl::Condition(this, &SlowFinisher::MayFinish));
     --allowed_;
     return v1::FrameReport();
   }
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {
-    return Finish({round.job, round.epoch}, round.frame, threads, {});
+    return Finish({round.job, round.epoch}, round.frame, threads, {}, nullptr);
   }
   void CancelJob(const job::JobId&) override {}
   void Cancel() override { Allow(1'000'000); }

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -135,6 +136,26 @@ TEST_F(FrameQueueTest, KnowsOfEachRunningFrameWhetherItIsStale) {
   Push("j-1", 1, 1);
   BeginAll();
   EXPECT_FALSE(queue_->IsStale(first)) << "it is finished again";
+}
+
+TEST_F(FrameQueueTest, KnowsHowMuchOfAJobsFramesIsFiltered) {
+  Make({.processes = 3});
+  AddJob("j-1", "ann");
+  AddJob("j-2", "ann");
+  Push("j-1", 1, 2);
+  Push("j-2", 1, 1);
+  BeginAll();
+  const FramePart first = {{JobId("j-1"), 1}};
+  EXPECT_EQ(queue_->FilteredOf(JobId("j-1")), 0);
+  EXPECT_TRUE(queue_->SetFiltered(first, 0.5));
+  EXPECT_FALSE(queue_->SetFiltered(first, 0.5)) << "nothing has changed";
+  EXPECT_TRUE(queue_->SetFiltered({{JobId("j-1"), 2}}, 7)) << "more than all is all";
+  EXPECT_EQ(queue_->FilteredOf(JobId("j-1")), 1.5);
+  EXPECT_EQ(queue_->FilteredOf(JobId("j-2")), 0);
+  EXPECT_TRUE(queue_->SetFiltered(first, std::numeric_limits<double>::quiet_NaN())) << "a worker's word";
+  EXPECT_EQ(queue_->FilteredOf(JobId("j-1")), 1);
+  queue_->End(first, kQueueStart);
+  EXPECT_FALSE(queue_->SetFiltered(first, 0.75)) << "it is not running";
 }
 
 TEST_F(FrameQueueTest, AFrameAloneHasAllThreadsAndAQueueSharesThem) {
@@ -303,6 +324,8 @@ TEST_F(BlocksTest, GoToWorkersSideBySideAndTheFrameWaitsForThem) {
     Offer(true);
     EXPECT_FALSE(queue_->Begin(kQueueStart).has_value());
   }
+  EXPECT_TRUE(queue_->SetFiltered(Block(2), 0.5));
+  EXPECT_NEAR(queue_->FilteredOf(JobId("j-1")), 2.5 / 3, 1e-12);
   queue_->End(Block(2), kQueueStart);
   Offer(true);
   EXPECT_EQ(Away(), -1);

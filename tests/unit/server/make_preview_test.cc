@@ -8,6 +8,7 @@
 #include "filter/methods.h"
 #include "proto/rpc/image_codec.h"
 #include "proto/rpc/plane_codec.h"
+#include "server/film/matte.h"
 #include "server/film/result.h"
 #include "tests/support/film_of_units.h"
 #include "tests/unit/server/committed_frame_fixture.h"
@@ -19,7 +20,9 @@ using ::testing::ElementsAre;
 using ::testing::Gt;
 using ::testing::HasSubstr;
 
-const job::JobId kPreviewJob("j-1");
+using job::JobId;
+
+const JobId kPreviewJob("j-1");
 
 LayeredImage PictureOf(const v1::Preview& preview) {
   absl::StatusOr<LayeredImage> picture = rpc::ImageFromBytes(preview.layout(), preview.planes(), {});
@@ -57,6 +60,34 @@ TEST_F(MakePreviewTest, OfAllUnitsItIsTheFilteredFilm) {
         ASSERT_EQ(picture.Get(channel.name).At(x, y), channel.plane.At(x, y)) << channel.name;
     }
   }
+}
+
+TEST_F(MakePreviewTest, ATransparentPictureHasA) {
+  v1::JobSpec spec = Spec(40, 30);
+  Commit(JobId("j-2"), spec);
+  spec.set_background(v1::BACKGROUND_TRANSPARENT);
+  Commit(kPreviewJob, spec, /*is_forward=*/true, [](const job::UnitKey& key) { return key.tile != 3; });
+  const absl::StatusOr<v1::Preview> preview = Make();
+  ASSERT_TRUE(preview.ok()) << preview.status();
+  for (const std::string layer : {"", "noisy"}) {
+    const absl::StatusOr<v1::Preview> part = LayerOfPreview(*preview, layer);
+    ASSERT_TRUE(part.ok()) << part.status();
+    ASSERT_EQ(part->layout().channels_size(), 4);
+    EXPECT_EQ(part->layout().channels(3), "A");
+    EXPECT_GT(PictureOf(*part).Get("A").At(28, 4), 0) << "also in tiles that nobody has rendered";
+  }
+  EXPECT_EQ(LayerOfPreview(*preview, "albedo")->layout().channels_size(), 3);
+
+  EdgedImage film = *WholeFilm(spec, 0, RandomUnitsOf(spec, 1));
+  film.pixels.Add(layers::kShadow,
+                  std::move((*filter::FilterFilm(film::ShadowFilmOf(film.pixels), "default", nullptr))[0]));
+  const Plane expected = film::AlphaOf({std::move(film.pixels), {}, {}}, /*is_filtered=*/true);
+  EXPECT_NEAR(PictureOf(*preview).Get("A").At(4, 20), expected.At(4, 20), 0.3) << "shadows included";
+
+  const absl::StatusOr<v1::Preview> opaque =
+      MakePreview(folder_, *store_, JobId("j-2"), 0, {}, /*pool=*/nullptr);
+  ASSERT_TRUE(opaque.ok()) << opaque.status();
+  EXPECT_EQ(LayerOfPreview(*opaque, "")->layout().channels_size(), 3);
 }
 
 TEST_F(MakePreviewTest, TheErrorIsMissingWhereTheMethodDoesNotKnowIt) {

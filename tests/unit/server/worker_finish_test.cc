@@ -90,6 +90,7 @@ TEST_F(WorkerFinishTest, DeliversTheBytesThatTheCoordinatorWouldWrite) {
   EXPECT_EQ(link_.sha256, rpc::Sha256Hex(link_.delivered));
   EXPECT_GT(link_.filter_seconds, 0);
   EXPECT_GE(control_.progress, 3);
+  EXPECT_GT(control_.filtered, 0.5);
 }
 
 TEST_F(WorkerFinishTest, DeliversABlockOfALargeFrame) {

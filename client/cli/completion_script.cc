@@ -185,12 +185,12 @@ std::string ZshCompletion(const std::vector<CommandHelp>& commands) {
       "    return\n"
       "  done\n"
       "}\n"
-      "local -a commands\n"
-      "commands=(\n",
+      "local -a names\n"
+      "names=(\n",
       list,
       ")\n"
       "if (( CURRENT == 2 )); then\n"
-      "  _describe command commands\n"
+      "  _describe command names\n"
       "else\n"
       "  local command=$words[2]\n"
       "  shift words\n"

@@ -38,7 +38,7 @@ Changed Run(const Frame& frame, const DenoiseOptions& options, TaskPool* pool) {
                    .layer_stages = DefaultLayerStages(),
                    .off = options.off,
                    .watch = options.watch,
-                   .progress = options.progress,
+                   .progress = {options.progress},
                    .pool = pool,
                    .fragments = {},
                    .mixed = {},

@@ -22,19 +22,31 @@ bool HasBothHalves(const FrameState& state) {
   return pairs > 0;
 }
 
-FilteredLayer FilterProduct(const FrameState& state, Product* product) {
+/// Tells the progress, too, of the stages of a layer, as if they took equally long; `done` layers are before.
+StageWatch WatchOfLayer(const FrameState& state, double done) {
+  if (!state.progress.told) return state.watch;
+  const auto count = static_cast<double>(state.layer_stages.size());
+  return [&state, done, count, ended = 0](std::string_view stage) mutable {
+    if (state.watch) state.watch(stage);
+    state.progress.Tell(done + ++ended / count);
+  };
+}
+
+FilteredLayer FilterProduct(const FrameState& state, const StageWatch& watch, Product* product) {
   const FragmentSet& set = state.fragments;
   product->is_mixed = MixedPart(state.mixed, product->box);
   LayerFragments fragments = LayerFragmentsOf(state.frame, set, *product, state.settings.products.ranges);
   UseDominantFeatures(fragments, &product->geometry);
-  return RunLayer(state.layer_stages, state.settings.layer, *product, std::move(fragments), state.off,
-                  state.watch, state.pool);
+  return RunLayer(state.layer_stages, state.settings.layer, *product, std::move(fragments), state.off, watch,
+                  state.pool);
 }
 
 void RunFragments(FrameState* state) { state->fragments = FragmentsOf(state->frame); }
 
-/// What the stages after the layers take, in layers.
+/// What the stages after the layers take, in layers: the remainder one, and the others together.
 constexpr int kLayersOfRest = 2;
+
+double LayersBeforeRest(const LayerProgress& progress) { return 1 / progress.layer_share - kLayersOfRest; }
 
 void RunLayers(FrameState* state) {
   const Frame& frame = state->frame;
@@ -46,13 +58,13 @@ void RunLayers(FrameState* state) {
   state->rest = WithoutEmission(frame, state->pool);
   SubtractEmissionOfHalves(state->fragments, &state->rest);
   if (state->watch) state->watch("layers");  // the stages of each layer tell of themselves
-  const double parts = static_cast<double>(products.size()) + kLayersOfRest;
+  state->progress.layer_share = 1 / (static_cast<double>(products.size()) + kLayersOfRest);
   double done = 0;
   for (Product& product : products) {
-    const FilteredLayer layer = FilterProduct(*state, &product);
+    const FilteredLayer layer = FilterProduct(*state, WatchOfLayer(*state, done), &product);
     AddFiltered(product, layer, state->pool, &state->rest, &state->change);
     AddReturned(frame, product, layer, state->pool, &state->returned);
-    if (state->progress) state->progress(++done / parts);
+    state->progress.Tell(++done);
   }
 }
 
@@ -79,19 +91,25 @@ void RunLens(FrameState* state) {
   const BlurredPicture picture = PictureOfLayers(*state);
   std::optional<Product> product = BlurredProduct(frame, picture);
   if (!product.has_value()) return;
-  const FilteredLayer layer = FilterProduct(*state, &*product);
+  const FilteredLayer layer = FilterProduct(*state, state->watch, &*product);
   AddFiltered(*product, layer, state->pool, nullptr, &state->change);
   AddReturned(frame, *product, layer, state->pool, &state->returned);
 }
 
-void RunRemainder(FrameState* state) {
+void FilterRemainder(FrameState* state) {
   const Frame& frame = state->frame;
   if (IsRounding(state->rest, frame, state->pool)) return;
   Product rest = RemainderProduct(frame, state->hits, PictureOf(frame, state->change, state->pool),
                                   state->settings.products, state->pool, &state->rest);
-  const FilteredLayer layer = FilterProduct(*state, &rest);
+  const FilteredLayer layer =
+      FilterProduct(*state, WatchOfLayer(*state, LayersBeforeRest(state->progress)), &rest);
   AddFiltered(rest, layer, state->pool, nullptr, &state->change);
   AddReturned(frame, rest, layer, state->pool, &state->returned);
+}
+
+void RunRemainder(FrameState* state) {
+  FilterRemainder(state);
+  state->progress.Tell(LayersBeforeRest(state->progress) + 1);
 }
 
 void RunRegression(FrameState* state) {

@@ -15,6 +15,16 @@
 
 namespace lumifold::filter {
 
+/// The progress of a filter, in which all layers count alike.
+struct LayerProgress {
+  const FilterProgress& told;  // empty: nobody is
+  double layer_share = 0;      // of the time, about; two such shares follow those of the layers
+
+  void Tell(double layers) const {
+    if (told) told(layers * layer_share);
+  }
+};
+
 /// A frame on its way through the stages. Each stage reads what the ones before it wrote. Planes are W x H;
 /// those in pairs belong to half A and half B, each made without the samples of the other.
 struct FrameState {
@@ -23,7 +33,7 @@ struct FrameState {
   const std::vector<LayerStage>& layer_stages;
   const SwitchedOff& off;
   const StageWatch& watch;
-  const FilterProgress& progress;
+  LayerProgress progress;
   TaskPool* pool;
 
   FragmentSet fragments;

@@ -218,9 +218,10 @@ std::optional<v1::JobStatus> Farm::StatusOf(const JobId& job) const {
     v1::JobStatus status =
         StatusOfActiveJob(active->record, scheduler.jobs().Progress(job), dependencies.IsWaiting(job));
     status.set_coordinator(address);
-    status.set_frames_filtering(frames.CountRunning(job));
-    status.set_frames_filtered(frames.FilteredOf(job));
-    status.set_frames_waiting(frames.CountWaiting(job));
+    const JobFrames counts = frames.CountsOf(job);
+    status.set_frames_filtering(counts.running);
+    status.set_frames_filtered(counts.filtered);
+    status.set_frames_waiting(counts.waiting);
     if (active->predicted_error.has_value() && !status.has_estimated_error())
       status.set_estimated_error(*active->predicted_error);
     return status;
@@ -271,10 +272,6 @@ void Farm::QueueDue(const FrameKey& key) {
   }
   frame.samples = scheduler.jobs().Progress(frame.job).samples_done;
   frames.Push(std::move(frame));
-}
-
-void Farm::NoteFiltered(const FramePart& part, double share) {
-  if (frames.SetFiltered(part, share)) watchers.MarkChanged(part.frame.first);
 }
 
 void Farm::LimitFrames(uint64_t free_disk_bytes) {

@@ -100,8 +100,6 @@ class Farm {
   void QueueDue(const FrameKey& frame);
   /// Takes the next frame that may be finished now, by this coordinator or by a worker, which is told so.
   std::optional<RunningFrame> BeginFrame(absl::Time now);
-  /// How far the filter of a frame or block is that is being finished.
-  void NoteFiltered(const FramePart& part, double share);
   /// Ends leases to finish frames, which come back; their workers are told.
   void TakeFramesBack(const std::vector<job::Attempt>& leases, std::string_view reason);
   /// Bounds the frames in flight by what the machine has and all jobs demand.

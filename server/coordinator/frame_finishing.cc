@@ -56,7 +56,10 @@ void FrameFinishing::Run() {
 void FrameFinishing::FinishFrame(const RunningFrame& frame) {
   FrameFinisher* const finisher = resources_->finisher;
   const DueFrame& due = frame.due;
-  const auto note = [&](double share) { FarmState::Change(state_)->NoteFiltered(frame.part(), share); };
+  const auto note = [&](double share) {
+    FarmState::Change farm(state_);
+    if (farm->frames.SetFiltered(frame.part(), share)) farm->watchers.MarkChanged(due.job);
+  };
   absl::StatusOr<v1::FrameReport> report =
       due.round == DueFrame::kResult
           ? finisher->Finish(resources_->Owned(due.job), due.number, frame.threads, due.blocks.done, note)

@@ -269,18 +269,24 @@ bool FrameQueue::IsRunning(const FramePart& part) const {
                      [&](const RunningFrame& other) { return other.part() == part; });
 }
 
-int FrameQueue::CountRunning(const job::JobId& job) const {
-  std::set<int32_t> frames;
+JobFrames FrameQueue::CountsOf(const job::JobId& job) const {
+  JobFrames counts;
+  std::set<int32_t> running;
   for (const RunningFrame& frame : running_) {
-    if (frame.due.job == job) frames.insert(frame.due.number);
+    if (frame.due.job != job) continue;
+    running.insert(frame.due.number);
+    counts.filtered += frame.filtered / (frame.block == FramePart::kWhole ? 1 : frame.due.block_count);
   }
-  return static_cast<int>(frames.size());
-}
-
-int FrameQueue::CountWaiting(const job::JobId& job) const {
-  return static_cast<int>(std::count_if(waiting_.begin(), waiting_.end(), [&](const DueFrame& frame) {
-    return frame.job == job && frame.blocks.running == 0;
-  }));
+  counts.running = static_cast<int>(running.size());
+  for (const DueFrame& frame : waiting_) {
+    if (frame.job != job) continue;
+    if (frame.blocks.running == 0) {
+      ++counts.waiting;
+    } else {
+      counts.filtered += static_cast<double>(frame.blocks.done.size()) / frame.block_count;
+    }
+  }
+  return counts;
 }
 
 bool FrameQueue::SetFiltered(const FramePart& part, double share) {
@@ -289,19 +295,6 @@ bool FrameQueue::SetFiltered(const FramePart& part, double share) {
     if (frame.part() == part) return std::exchange(frame.filtered, filtered) != filtered;
   }
   return false;
-}
-
-double FrameQueue::FilteredOf(const job::JobId& job) const {
-  double frames = 0;
-  for (const RunningFrame& frame : running_) {
-    if (frame.due.job != job) continue;
-    frames += frame.block == FramePart::kWhole ? frame.filtered : frame.filtered / frame.due.block_count;
-  }
-  for (const DueFrame& frame : waiting_) {
-    if (frame.job == job && frame.blocks.running > 0)
-      frames += static_cast<double>(frame.blocks.done.size()) / frame.block_count;
-  }
-  return frames;
 }
 
 void FrameQueue::MarkStale(const FrameKey& frame) {

@@ -103,6 +103,14 @@ struct RunningFrame {
   FramePart part() const { return {due.key(), block}; }
 };
 
+/// Frames of a job that are being finished, here or by workers, and those that wait for it.
+struct JobFrames {
+  int running = 0;
+  int waiting = 0;
+  /// What the filter has done of those that are running, in frames.
+  double filtered = 0;
+};
+
 /// The frames that wait to be finished, and those that are being finished. Pure state.
 ///
 /// Users and jobs share the finisher as they share workers (scheduler::FairShare): what counts is the frames
@@ -152,14 +160,11 @@ class FrameQueue {
   /// Queues a frame again whose result could not be written.
   void AwaitStorage(DueFrame* frame, absl::Time now);
 
-  bool IsFinishing(const job::JobId& job) const { return CountRunning(job) > 0; }
-  /// Frames of a job that are being finished, here or by workers, and those that wait. Linear in all frames.
-  int CountRunning(const job::JobId& job) const;
-  int CountWaiting(const job::JobId& job) const;
+  bool IsFinishing(const job::JobId& job) const { return CountsOf(job).running > 0; }
+  /// Linear in all frames.
+  JobFrames CountsOf(const job::JobId& job) const;
   /// How far the filter of what is running is, 0 to 1. False where that changes nothing.
   bool SetFiltered(const FramePart& part, double share);
-  /// What it has done of the frames of CountRunning, in frames.
-  double FilteredOf(const job::JobId& job) const;
   /// Units of the frame were taken back: what was made of them is of no use, nor compared.
   void MarkStale(const FrameKey& frame);
   bool IsStale(const FrameKey& frame) const;

@@ -120,8 +120,9 @@ void WorkerCalls::OnHeartbeat(WorkerId worker, const v1::Heartbeat& heartbeat) {
   farm->TakeFramesBack(farm->finish_leases.Heartbeat(worker, held, newest, now), "dropped");
   for (const v1::Lease& lease : heartbeat.held()) {
     const FramePart part = PartOf(job::UnitFromProto(lease.unit()));
-    if (farm->finish_leases.Find(worker, part, Attempt(lease.attempt())) != nullptr)
-      farm->NoteFiltered(part, lease.filtered());
+    const bool is_leased = farm->finish_leases.Find(worker, part, Attempt(lease.attempt())) != nullptr;
+    if (is_leased && farm->frames.SetFiltered(part, lease.filtered()))
+      farm->watchers.MarkChanged(part.frame.first);
   }
 }
 

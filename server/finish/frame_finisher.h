@@ -23,8 +23,8 @@ class FrameFinisher {
  public:
   virtual ~FrameFinisher() = default;
 
-  /// Writes the frame's result; blocks. `blocks`: those that DataFolder::BlockPath has. `progress` is told how
-  /// far the filter is.
+  /// Writes the frame's result; blocks. `blocks`: those that DataFolder::BlockPath has. `progress` is told
+  /// how far the filter is.
   /// Errors: as FinishFrame; kCancelled after Cancel, and after CancelJob of this job while it runs.
   virtual absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame, int threads,
                                                  const std::vector<int>& blocks,

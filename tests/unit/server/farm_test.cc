@@ -441,7 +441,7 @@ TEST_F(FarmFinishTest, AFrameWithoutAPlaceGoesToAWorkerThatHasOne) {
   EXPECT_TRUE(Holds(second_));
   EXPECT_FALSE(farm_.BeginFrame(now_).has_value()) << "neither has a place left";
   EXPECT_EQ(farm_.StatusOf(second_)->frames_filtering(), 1);
-  farm_.NoteFiltered(away->part(), 0.25);
+  farm_.frames.SetFiltered(away->part(), 0.25);
   EXPECT_EQ(farm_.StatusOf(second_)->frames_filtered(), 0.25);
   EXPECT_EQ(farm_.StatusOf(here->due.job)->frames_filtered(), 0);
   EXPECT_EQ(farm_.StatusOf(JobId("j-3"))->frames_waiting(), 1);

@@ -146,14 +146,14 @@ TEST_F(FrameQueueTest, KnowsHowMuchOfAJobsFramesIsFiltered) {
   Push("j-2", 1, 1);
   BeginAll();
   const FramePart first = {{JobId("j-1"), 1}};
-  EXPECT_EQ(queue_->FilteredOf(JobId("j-1")), 0);
+  EXPECT_EQ(queue_->CountsOf(JobId("j-1")).filtered, 0);
   EXPECT_TRUE(queue_->SetFiltered(first, 0.5));
   EXPECT_FALSE(queue_->SetFiltered(first, 0.5)) << "nothing has changed";
   EXPECT_TRUE(queue_->SetFiltered({{JobId("j-1"), 2}}, 7)) << "more than all is all";
-  EXPECT_EQ(queue_->FilteredOf(JobId("j-1")), 1.5);
-  EXPECT_EQ(queue_->FilteredOf(JobId("j-2")), 0);
+  EXPECT_EQ(queue_->CountsOf(JobId("j-1")).filtered, 1.5);
+  EXPECT_EQ(queue_->CountsOf(JobId("j-2")).filtered, 0);
   EXPECT_TRUE(queue_->SetFiltered(first, std::numeric_limits<double>::quiet_NaN())) << "a worker's word";
-  EXPECT_EQ(queue_->FilteredOf(JobId("j-1")), 1);
+  EXPECT_EQ(queue_->CountsOf(JobId("j-1")).filtered, 1);
   queue_->End(first, kQueueStart);
   EXPECT_FALSE(queue_->SetFiltered(first, 0.75)) << "it is not running";
 }
@@ -317,15 +317,15 @@ TEST_F(BlocksTest, GoToWorkersSideBySideAndTheFrameWaitsForThem) {
   EXPECT_EQ(Away(), 1);
   EXPECT_EQ(Away(), 2);
   EXPECT_EQ(Away(), -1);
-  EXPECT_EQ(queue_->CountRunning(JobId("j-1")), 1);
-  EXPECT_EQ(queue_->CountWaiting(JobId("j-1")), 0);
+  EXPECT_EQ(queue_->CountsOf(JobId("j-1")).running, 1);
+  EXPECT_EQ(queue_->CountsOf(JobId("j-1")).waiting, 0);
   for (const int block : {1, 0}) {
     queue_->End(Block(block), kQueueStart, /*block_seconds=*/2);
     Offer(true);
     EXPECT_FALSE(queue_->Begin(kQueueStart).has_value());
   }
   EXPECT_TRUE(queue_->SetFiltered(Block(2), 0.5));
-  EXPECT_NEAR(queue_->FilteredOf(JobId("j-1")), 2.5 / 3, 1e-12);
+  EXPECT_NEAR(queue_->CountsOf(JobId("j-1")).filtered, 2.5 / 3, 1e-12);
   queue_->End(Block(2), kQueueStart);
   Offer(true);
   EXPECT_EQ(Away(), -1);

@@ -231,7 +231,7 @@ class WebhookTest(unittest.TestCase):
         seen = json.loads(done.stdout)
         message = hook.await_message()
         self.assertEqual((message["job_id"], message["state"]), (seen["job"], "JOB_STATE_DONE"))
-        self.assertEqual(seen["refused"], ["FAILED_PRECONDITION", True])
+        self.assertEqual(seen["refused"], ["PERMISSION_DENIED", True])
 
     def test_the_receiver_of_the_manual_prints_what_has_ended(self):
         secret = self.root / "secret"

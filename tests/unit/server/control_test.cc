@@ -267,6 +267,34 @@ TEST_F(ControlTest, AWorkerIsListedWithItsLastFramesAlsoWhenItIsGone) {
   EXPECT_EQ(Call<v1::ListWorkersResponse>(&Stub::ListWorkers, request)->workers_size(), 0);
 }
 
+TEST_F(ControlTest, AWorkerIsListedWithAllItSaysAndHasDone) {
+  const absl::Time before = absl::Now();
+  const std::string first = *Submit(Spec());
+  const auto worker = Worker({.slots = 2, .spoil = [](v1::WorkerMessage& message) {
+                                if (message.has_hello()) {
+                                  message.mutable_hello()->set_name("ann:7");
+                                  message.mutable_hello()->set_memory_bytes(uint64_t{9} << 30);
+                                  message.mutable_hello()->add_tags("gpu");
+                                  message.mutable_hello()->add_tags("night");
+                                }
+                              }});
+  EXPECT_EQ(WaitForEnd(first).state(), v1::JOB_STATE_DONE);
+  const v1::WorkerStatus status = Workers().at(0);
+  EXPECT_EQ(status.worker_id(), "w-1");
+  EXPECT_EQ(status.numeric_class(), "test");
+  EXPECT_EQ(status.memory_bytes(), uint64_t{9} << 30);
+  EXPECT_THAT(std::vector<std::string>(status.tags().begin(), status.tags().end()),
+              ElementsAre("gpu", "night"));
+  EXPECT_EQ(status.slots(), 2);
+  EXPECT_EQ(status.leases(), 0);
+  EXPECT_EQ(status.units_done(), kUnits);
+  EXPECT_EQ(status.units_failed(), 0);
+  EXPECT_GT(status.seconds_per_unit(), 0);
+  EXPECT_THAT(std::vector<std::string>(status.job_ids().begin(), status.job_ids().end()), IsEmpty());
+  EXPECT_GE(absl::FromUnixMillis(status.connected_unix_ms()), before - absl::Milliseconds(1));
+  EXPECT_LE(absl::FromUnixMillis(status.connected_unix_ms()), absl::Now());
+}
+
 TEST_F(ControlTest, ADrainedWorkerIsToldAndGetsNoMoreLeases) {
   const std::string job = *Submit(Spec());
   const auto ann = Holder("ann");

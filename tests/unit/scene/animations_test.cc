@@ -3,6 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <utility>
+#include <vector>
+
 #include "absl/strings/str_cat.h"
 #include "tests/support/gltf_samples.h"
 #include "tests/unit/scene/load.h"
@@ -109,6 +113,29 @@ TEST(Animations, TurnAndScaleNodes) {
   EXPECT_NEAR(quarter.instances[0].world_from_object.x.y, 1, 1e-6);
   const Scene scaled = At(0.5, Animated("scale", "LINEAR", {0, 1}, {1, 1, 1, 3, 1, 1}));
   EXPECT_EQ(scaled.instances[0].world_from_object.x.x, 2);
+}
+
+TEST(Animations, TurnAboutAnyAxis) {
+  const Vec3 axis = {0.6f, 0.48f, 0.64f};
+  const auto turn = [&](float angle) {
+    const float s = std::sin(0.5f * angle);
+    return std::vector<float>{s * axis.x, s * axis.y, s * axis.z, std::cos(0.5f * angle)};
+  };
+  std::vector<float> values = turn(0.4f);
+  const std::vector<float> end = turn(1.6f);
+  values.insert(values.end(), end.begin(), end.end());
+  const auto turned =
+      At(0.25, Animated("rotation", "LINEAR", {0, 1}, values, "VEC4")).instances[0].world_from_object;
+  // Rodrigues' formula for 0.4 + (1.6 - 0.4) / 4.
+  const float c = std::cos(0.7f), s = std::sin(0.7f);
+  const auto rotated = [&](Vec3 v) { return v * c + Cross(axis, v) * s + axis * (Dot(axis, v) * (1 - c)); };
+  for (const auto& [column, expected] : {std::pair{turned.x, rotated({1, 0, 0})},
+                                         {turned.y, rotated({0, 1, 0})},
+                                         {turned.z, rotated({0, 0, 1})}}) {
+    EXPECT_NEAR(column.x, expected.x, 1e-6);
+    EXPECT_NEAR(column.y, expected.y, 1e-6);
+    EXPECT_NEAR(column.z, expected.z, 1e-6);
+  }
 }
 
 TEST(Animations, PlayTogether) {

@@ -49,6 +49,48 @@ TEST(Materials, HaveGltfsDefaults) {
   EXPECT_EQ(m.base.color_texture.texture, kNone);
 }
 
+TEST(Materials, HaveTheDefaultsOfExtensionsThatSayNothing) {
+  json extensions;
+  for (const char* name : {"ior", "specular", "transmission", "volume", "clearcoat", "sheen", "anisotropy",
+                           "diffuse_transmission", "iridescence", "dispersion", "emissive_strength"})
+    extensions[std::string("KHR_materials_") + name] = json::object();
+  const Material m = MaterialOf({{"emissiveFactor", {0.5, 0.25, 1}}, {"extensions", extensions}});
+  EXPECT_EQ(m.emission.radiance, (Vec3{0.5f, 0.25f, 1}));
+  EXPECT_EQ(m.ior, 1.5f);
+  EXPECT_EQ(m.specular.factor, 1);
+  EXPECT_EQ(m.specular.color, (Vec3{1, 1, 1}));
+  EXPECT_EQ(m.transmission.factor, 0);
+  EXPECT_FALSE(m.volume.is_solid);
+  EXPECT_EQ(m.volume.attenuation_color, (Vec3{1, 1, 1}));
+  EXPECT_EQ(m.volume.dispersion, 0);
+  EXPECT_EQ(m.clearcoat.factor, 0);
+  EXPECT_EQ(m.clearcoat.roughness, 0);
+  EXPECT_EQ(m.sheen.color, (Vec3{0, 0, 0}));
+  EXPECT_EQ(m.sheen.roughness, 0);
+  EXPECT_EQ(m.base.anisotropy.strength, 0);
+  EXPECT_EQ(m.base.diffuse_transmission.factor, 0);
+  EXPECT_EQ(m.iridescence.factor, 0);
+  extensions["KHR_materials_diffuse_transmission"] = {{"diffuseTransmissionFactor", 1}};
+  extensions["KHR_materials_iridescence"] = {{"iridescenceFactor", 1}};
+  extensions["KHR_materials_anisotropy"] = {{"anisotropyStrength", 1}};
+  extensions["KHR_materials_clearcoat"] = {{"clearcoatNormalTexture", {{"index", 0}}},
+                                           {"clearcoatFactor", 1}};
+  extensions["KHR_materials_pbrSpecularGlossiness"] = json::object();
+  const Material with_factors = MaterialOf({{"extensions", extensions}});
+  EXPECT_EQ(with_factors.base.diffuse_transmission.color, (Vec3{1, 1, 1}));
+  EXPECT_EQ(with_factors.iridescence.ior, 1.3f);
+  EXPECT_EQ(with_factors.iridescence.min_thickness_nm, 100);
+  EXPECT_EQ(with_factors.iridescence.max_thickness_nm, 400);
+  EXPECT_EQ(with_factors.base.anisotropy.direction.x, 1);
+  EXPECT_EQ(with_factors.base.anisotropy.direction.y, 0);
+  EXPECT_EQ(with_factors.clearcoat.normal_map.scale, 1);
+  EXPECT_EQ(with_factors.base.color, (Vec3{1, 1, 1}));
+  EXPECT_EQ(with_factors.base.alpha, 1);
+  EXPECT_EQ(with_factors.base.metallic, 0);
+  EXPECT_EQ(with_factors.base.roughness, 0) << "glossiness is 1";
+  EXPECT_EQ(with_factors.specular.color, (Vec3{1, 1, 1}));
+}
+
 TEST(Materials, ReadMetallicRoughness) {
   const Material m = MaterialOf({{"name", "Brass"},
                                  {"doubleSided", true},
@@ -116,6 +158,19 @@ TEST(Materials, ClampFactorsAndCountIt) {
   EXPECT_EQ(scene.materials[0].emission.radiance.x, 0);
   EXPECT_THAT(scene.warnings,
               Contains("values of roughnessFactor outside 0 to 1 clamped: 1 (the first in material 0)"));
+}
+
+TEST(Materials, TakeTheLimitsOfTheirFactors) {
+  const auto with = [](const char* extension, const char* field, double value) {
+    return MaterialOf({{"extensions", {{extension, {{field, value}}}}}});
+  };
+  EXPECT_EQ(with("KHR_materials_ior", "ior", 1).ior, 1);
+  EXPECT_EQ(with("KHR_materials_ior", "ior", 0.9).ior, 1);
+  EXPECT_EQ(with("KHR_materials_ior", "ior", 1000.5).ior, 1000);
+  EXPECT_GT(with("KHR_materials_ior", "ior", 0).ior, 1e5f) << "all is reflected";
+  EXPECT_FALSE(with("KHR_materials_volume", "thicknessFactor", 0).volume.is_solid);
+  EXPECT_TRUE(with("KHR_materials_volume", "thicknessFactor", 1e-6).volume.is_solid);
+  EXPECT_EQ(with("KHR_materials_transmission", "transmissionFactor", 1.5).transmission.factor, 1);
 }
 
 TEST(Materials, TransformTextureCoordinates) {

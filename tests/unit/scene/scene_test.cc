@@ -97,7 +97,7 @@ TEST(ShadowGround, LiesJustBelowTheScene) {
   EXPECT_TRUE(scene.catchers.empty());
   scene.meshes.emplace_back().positions = {{-1, 0.5f, 0}, {1, 0.5f, 0}, {0, 2.5f, 0}};
   scene.instances.push_back({0, {}, ""});
-  scene.instances[0].world_from_object.origin = {10, 1, 0};
+  scene.instances[0].world_from_object.origin = {10, 1, 3};
   const Bounds before = WorldBounds(scene);
   AddShadowGround(&scene);
   ASSERT_EQ(scene.catchers.size(), 1u);
@@ -108,6 +108,23 @@ TEST(ShadowGround, LiesJustBelowTheScene) {
     EXPECT_GT(std::abs(corner.x - 10), 20);
   }
   EXPECT_EQ(WorldBounds(scene).min, before.min) << "the camera is not moved";
+  // Two triangles that face up and fill the square.
+  ASSERT_EQ(ground.triangles.size(), 6u);
+  float area = 0;
+  for (size_t i = 0; i < 6; i += 3) {
+    const auto corner = [&](size_t k) {
+      return ground.positions[static_cast<size_t>(ground.triangles[i + k])];
+    };
+    const Vec3 normal = Cross(corner(1) - corner(0), corner(2) - corner(0));
+    EXPECT_GT(normal.y, 0);
+    area += 0.5f * normal.y;
+  }
+  const float edge = 40 * Length(before.max - before.min);
+  EXPECT_NEAR(area, edge * edge, 1e-3f * edge * edge);
+  Vec3 sum = {0, 0, 0};
+  for (const Vec3 corner : ground.positions) sum = sum + corner;
+  EXPECT_NEAR(0.25f * sum.x, 10, 1e-4f);
+  EXPECT_NEAR(0.25f * sum.z, 3, 1e-4f);
 }
 
 }  // namespace

@@ -232,6 +232,13 @@ class CommandLine::Parser {
     return nullptr;
   }
 
+  bool IsOffered(const CLI::Option& option, const std::string& value) const {
+    const auto offer = offers_.find(&option);
+    if (offer == offers_.end()) return false;
+    const std::vector<std::string> words = offer->second();
+    return std::find(words.begin(), words.end(), value) != words.end();
+  }
+
   // Adds a setting of a file as words of the command line.
   absl::Status AddSetting(const FileOption& setting, const CLI::Option& option, const std::string& path,
                           std::vector<std::string>* words) {
@@ -244,8 +251,10 @@ class CommandLine::Parser {
     }
     std::vector<std::string> values = setting.values;
     if (OptionHelp::IsFile(ValueNameOf(option))) {
-      for (std::string& value : values)
+      for (std::string& value : values) {
+        if (IsOffered(option, value)) continue;  // no file
         value = (std::filesystem::path(path).parent_path() / value).lexically_normal().string();
+      }
     }
     if (!IsRepeatable(option)) values = {absl::StrJoin(values, ",")};
     if (option.get_positional()) {

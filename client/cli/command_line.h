@@ -67,7 +67,7 @@ class CommandLine {
   /// HOST:PORT of a coordinator, or a list of those of a farm: see rpc::ParseEndpoints.
   void AddAddresses(const std::string& names, std::string* value, const std::string& help);
 
-  /// Completion offers these words for an option: "--view".
+  /// Completion offers these words for an option: "--view". Of an option that takes a file they are none.
   void Offer(const std::string& name, std::function<std::vector<std::string>()> words);
 
   /// `check` is called when all arguments are valid. Its error ends the command.

@@ -208,6 +208,7 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
   command_line.AddText("--env", "FILE", &options->environment.path,
                        "Environment light: a latitude-longitude picture, .exr or .hdr, 'studio' or 'none' "
                        "(default: a neutral studio where the scene has no light)");
+  command_line.Offer("--env", [] { return std::vector<std::string>{kStudioUri, kNoEnvironment}; });
   command_line.AddNumber(
       "--env-rotate", &options->environment.rotate_degrees,
       "Rotation of it about the vertical in degrees, counter-clockwise from above (default 0)");

@@ -1,7 +1,5 @@
 #include "filter/baselines/baseline.h"
 
-#include <algorithm>
-
 #include "filter/baselines/a_trous.h"
 #include "filter/baselines/bilateral.h"
 #include "filter/baselines/guided.h"
@@ -19,13 +17,6 @@ const std::vector<Baseline>& Baselines() {
       GuidedBaseline(),         NonLocalMeansBaseline(),  NforBaseline(),
   };
   return baselines;
-}
-
-const Baseline* FindBaseline(std::string_view name) {
-  const std::vector<Baseline>& all = Baselines();
-  const auto found = std::find_if(all.begin(), all.end(),
-                                  [&](const Baseline& baseline) { return baseline.info.name == name; });
-  return found == all.end() ? nullptr : &*found;
 }
 
 }  // namespace lumifold::filter

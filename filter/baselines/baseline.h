@@ -1,6 +1,5 @@
 #pragma once
 
-#include <string_view>
 #include <vector>
 
 #include "absl/types/span.h"
@@ -30,8 +29,5 @@ struct Baseline {
 
 /// All baselines, in the order tables list them.
 const std::vector<Baseline>& Baselines();
-
-/// Null if no baseline has the name.
-const Baseline* FindBaseline(std::string_view name);
 
 }  // namespace lumifold::filter

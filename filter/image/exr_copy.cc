@@ -240,8 +240,6 @@ void WriteParts(Imf::MultiPartInputFile& file, const std::vector<PartPlan>& part
 
 }  // namespace
 
-bool IsExrCompression(const std::string& name) { return Find(name) != nullptr; }
-
 absl::Status CopyExr(const std::string& from, const std::string& to, const ExrCopyOptions& options) {
   if (absl::Status status = CheckIsFile(from); !status.ok()) return status;
   absl::StatusOr<AtomicFile> target = AtomicFile::Create(to);

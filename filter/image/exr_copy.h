@@ -25,9 +25,6 @@ struct ExrCopyOptions {
   std::map<std::string, float> numbers = {};
 };
 
-/// Whether there is such a compression.
-bool IsExrCompression(const std::string& name);
-
 /// Copies a file of this library to `to`, some rows at a time; where the compression stays, without decoding.
 /// The copy is written atomically.
 /// Errors: as ReadExr; kUnavailable if the copy cannot be written.

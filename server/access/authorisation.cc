@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/strip.h"
 
 namespace lumifold::access {
 namespace {
@@ -70,18 +69,6 @@ constexpr std::array kRules = {
 constexpr bool IsBefore(const Rule& left, const Rule& right) { return left.rpc_path < right.rpc_path; }
 static_assert(std::is_sorted(kRules.begin(), kRules.end(), IsBefore), "FindRule searches by halves");
 
-absl::string_view TextOf(Access access) {
-  switch (access) {
-    case Access::kNo:
-      return "-";
-    case Access::kOwn:
-      return "own jobs";
-    case Access::kYes:
-      return "yes";
-  }
-  return "-";
-}
-
 class RuleAuthoriser final : public Authoriser {
  public:
   absl::Status Check(const Identity& caller, absl::string_view rpc_path) const override {
@@ -129,20 +116,5 @@ bool ReachesAllJobs(const Identity& caller) {
 }
 
 std::unique_ptr<Authoriser> MakeAuthoriser() { return std::make_unique<RuleAuthoriser>(); }
-
-std::string RulesAsMarkdown() {
-  std::string text = "| call |";
-  for (const Role role : kRoles) absl::StrAppend(&text, " ", NameOf(role), " |");
-  absl::StrAppend(&text, "\n|---|");
-  for (size_t i = 0; i < kRoles.size(); ++i) absl::StrAppend(&text, "---|");
-  for (const Rule& rule : kRules) {
-    absl::string_view call = rule.rpc_path.substr(1);
-    absl::ConsumePrefix(&call, "lumifold.v1.");
-    absl::StrAppend(&text, "\n| ", call, " |");
-    for (const Access access : rule.access) absl::StrAppend(&text, " ", TextOf(access), " |");
-  }
-  absl::StrAppend(&text, "\n");
-  return text;
-}
 
 }  // namespace lumifold::access

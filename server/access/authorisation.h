@@ -56,7 +56,4 @@ bool ReachesAllJobs(const Identity& caller);
 /// Lets a caller make the calls for which its role has a yes or its own jobs. Never blocks.
 std::unique_ptr<Authoriser> MakeAuthoriser();
 
-/// The table for docs/security.md.
-std::string RulesAsMarkdown();
-
 }  // namespace lumifold::access

@@ -91,11 +91,4 @@ std::optional<Removal> Retention::Next(absl::Time now, uint64_t free_bytes) cons
   return removal.has_value() ? removal : OldestJob(cause);
 }
 
-absl::Time Retention::NextExpiry() const {
-  for (const auto& [ended, job] : by_end_) {
-    if (!needed_.contains(job)) return ended + limits_.keep_results;
-  }
-  return absl::InfiniteFuture();
-}
-
 }  // namespace lumifold::server

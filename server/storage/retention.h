@@ -67,8 +67,6 @@ class Retention {
   /// What goes next; nullopt if everything is within its limits or nothing may go. The caller removes it and
   /// reports that before it asks again. `free_bytes` are those of the disk.
   std::optional<Removal> Next(absl::Time now, uint64_t free_bytes) const;
-  /// When Next may have something to do only because time passes; InfiniteFuture if never.
-  absl::Time NextExpiry() const;
 
   uint64_t film_bytes() const { return film_bytes_; }
   uint64_t used_bytes() const { return film_bytes_ + result_bytes_ + other_bytes_; }

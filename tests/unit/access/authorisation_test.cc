@@ -12,6 +12,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
 #include "filter/image/file_io.h"
 #include "lumifold/v1/access.pb.h"
 #include "lumifold/v1/farm.pb.h"
@@ -112,6 +113,33 @@ TEST(Authoriser, NamesTheCallThatItRefuses) {
       authoriser->Check(Person({Scope::kRead}), "/lumifold.v1.FarmService/SubmitJob");
   EXPECT_EQ(refused.code(), absl::StatusCode::kPermissionDenied);
   EXPECT_EQ(refused.message(), "a caller with the role read may not make lumifold.v1.FarmService/SubmitJob");
+}
+
+absl::string_view TextOf(Access access) {
+  switch (access) {
+    case Access::kNo:
+      return "-";
+    case Access::kOwn:
+      return "own jobs";
+    case Access::kYes:
+      return "yes";
+  }
+  return "-";
+}
+
+std::string RulesAsMarkdown() {
+  std::string text = "| call |";
+  for (const Role role : kRoles) absl::StrAppend(&text, " ", NameOf(role), " |");
+  absl::StrAppend(&text, "\n|---|");
+  for (size_t i = 0; i < kRoles.size(); ++i) absl::StrAppend(&text, "---|");
+  for (const Rule& rule : Rules()) {
+    absl::string_view call = rule.rpc_path.substr(1);
+    absl::ConsumePrefix(&call, "lumifold.v1.");
+    absl::StrAppend(&text, "\n| ", call, " |");
+    for (const Access access : rule.access) absl::StrAppend(&text, " ", TextOf(access), " |");
+  }
+  absl::StrAppend(&text, "\n");
+  return text;
 }
 
 // LUMIFOLD_UPDATE=1 writes the table into the page.

@@ -159,8 +159,13 @@ TEST(Baseline, HasDefaultsAndGridsWithinItsLimits) {
   }
 }
 
+const MethodInfo& Bilateral() {
+  const auto is_it = [](const Baseline& baseline) { return baseline.info.name == "bilateral"; };
+  return std::find_if(Baselines().begin(), Baselines().end(), is_it)->info;
+}
+
 TEST(MethodParameters, KeepDefaultsThatAreNotNamed) {
-  const MethodInfo& bilateral = FindBaseline("bilateral")->info;
+  const MethodInfo& bilateral = Bilateral();
   EXPECT_THAT(*ParseParameters(bilateral, ""), ElementsAre(8, 0.15f));
   EXPECT_THAT(*ParseParameters(bilateral, "sigma_r=0.5"), ElementsAre(8, 0.5f));
   EXPECT_THAT(*ParseParameters(bilateral, "sigma_r=0.5,sigma_s=2"), ElementsAre(2, 0.5f));
@@ -168,7 +173,7 @@ TEST(MethodParameters, KeepDefaultsThatAreNotNamed) {
 }
 
 TEST(MethodParameters, NameWhatIsWrong) {
-  const MethodInfo& bilateral = FindBaseline("bilateral")->info;
+  const MethodInfo& bilateral = Bilateral();
   const auto message = [&](std::string_view text) {
     return std::string(ParseParameters(bilateral, text).status().message());
   };

@@ -253,6 +253,18 @@ TEST_F(AuditTest, AnAuditIsWaivedWhenNoOtherWorkerCanBeFound) {
   EXPECT_THAT(scheduler_.frames().Committed(kJob), ElementsAre(0));
 }
 
+TEST_F(AuditTest, AnAuditThatAnotherWorkerMayDoWaitsOncePatienceMore) {
+  AddJobRenderedByAnn();
+  AddWorker(kBen, 2);
+  scheduler_.ExpireLeases(kStart + absl::Seconds(30));
+  scheduler_.workers().Remove(kBen);
+  EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Seconds(60));
+  scheduler_.ExpireLeases(kStart + absl::Seconds(60) - absl::Nanoseconds(1));
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).audits_waived, 0);
+  scheduler_.ExpireLeases(kStart + absl::Seconds(60));
+  EXPECT_EQ(scheduler_.jobs().Progress(kJob).audits_waived, 2);
+}
+
 TEST_F(AuditTest, AnAuditorThatFailsOrLeavesDoesNotEndTheAudit) {
   AddJobRenderedByAnn();
   AddWorker(kBen, 2);

@@ -55,6 +55,12 @@ void CommittedUnits::KeepTiles(const std::vector<int32_t>& tiles) {
   }
 }
 
+void CommittedUnits::KeepPasses(int32_t last) {
+  for (size_t number = 0; number < entries_.size(); ++number) {
+    if (units_.KeyOf(0, static_cast<int64_t>(number)).pass > last) entries_[number] = {};
+  }
+}
+
 int64_t CommittedUnits::count() const {
   return std::count_if(entries_.begin(), entries_.end(),
                        [](const Entry& entry) { return entry.place.length > 0; });

@@ -26,6 +26,8 @@ class CommittedUnits final : public film::UnitSource {
   bool Has(const job::UnitKey& key) const { return entries_[NumberOf(key)].place.length > 0; }
   /// From now on the units of other tiles count as not committed.
   void KeepTiles(const std::vector<int32_t>& tiles);
+  /// And those of passes after this one.
+  void KeepPasses(int32_t last);
   /// Of the frame's units.
   int64_t count() const;
   /// Bytes of all their records.

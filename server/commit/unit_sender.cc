@@ -9,15 +9,18 @@ namespace lumifold::server {
 
 absl::Status UnitSender::Read(absl::Span<char> bytes) {
   while (!bytes.empty()) {
-    const uint64_t left = units_.record_bytes(unit_) - of_record_;
+    const bool is_unit = unit_ < units_.places();
+    const uint64_t left = (is_unit ? units_.record_bytes(unit_) : rounds_.size()) - of_record_;
     if (left == 0) {
       ++unit_;
       of_record_ = 0;
       continue;
     }
     const size_t count = std::min<uint64_t>(left, bytes.size());
-    if (absl::Status status = units_.ReadRecord(unit_, of_record_, bytes.first(count)); !status.ok())
-      return status;
+    const absl::Status status =
+        is_unit ? units_.ReadRecord(unit_, of_record_, bytes.first(count)) : absl::OkStatus();
+    if (!status.ok()) return status;
+    if (!is_unit) rounds_.copy(bytes.data(), count, of_record_);
     of_record_ += count;
     bytes.remove_prefix(count);
   }
@@ -33,7 +36,10 @@ absl::StatusOr<bool> UnitSender::Next(v1::ByteChunk* chunk) {
   chunk->set_offset(sent_);
   chunk->set_checksum(rpc::Checksum(data));
   chunk->set_total_size(size_);
-  if (sent_ == 0) chunk->set_film_levels(film_levels_);
+  if (sent_ == 0) {
+    chunk->set_film_levels(film_levels_);
+    chunk->set_rounds_bytes(rounds_.size());
+  }
   sent_ += data.size();
   return true;
 }

@@ -26,17 +26,20 @@ std::string TextOf(const std::vector<JobId>& waits_for) {
   return text;
 }
 
+/// What a worker has of a frame, before the frame's name.
+std::string PartNameOf(const RunningFrame& frame) {
+  if (frame.part().IsBlock())
+    return absl::StrCat("block ", frame.block, " of ", frame.due.block_count, " of ");
+  return frame.part().IsEstimate() ? absl::StrCat("round ", frame.due.round, " of ") : "";
+}
+
 /// Adds which frames of the job are being filtered.
 void ExplainRunning(const Farm& farm, const JobId& job, absl::Time now, v1::ExplainJobResponse* response) {
   for (const RunningFrame& frame : farm.frames.running()) {
     if (frame.due.job != job) continue;
     if (frame.worker.has_value()) {
-      const std::string block =
-          frame.block == FramePart::kWhole
-              ? ""
-              : absl::StrCat("block ", frame.block, " of ", frame.due.block_count, " of ");
       AddReason("filter_worker",
-                absl::StrCat(block, "frame ", frame.due.number, " has been with worker ",
+                absl::StrCat(PartNameOf(frame), "frame ", frame.due.number, " has been with worker ",
                              farm.workers.NameOf(*frame.worker), " for ",
                              absl::ToInt64Seconds(now - frame.since), " s, which filters it"),
                 response);

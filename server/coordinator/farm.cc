@@ -17,6 +17,13 @@
 #include "server/picture/picture_code.h"
 
 namespace lumifold::server {
+namespace {
+
+/// Rays of a camera sample in common scenes: 6 to 20. Where that is wrong, the first estimate of a frame
+/// travels in vain, or the coordinator makes it.
+constexpr double kRaysOfSample = 10;
+
+}  // namespace
 
 using job::JobId;
 using job::Prerequisite;
@@ -263,12 +270,18 @@ void Farm::QueueDue(const FrameKey& key) {
   if (const ActiveJob* const active = jobs.FindActive(frame.job); active != nullptr) {
     frame.rendered = absl::Seconds(active->record.times.render_seconds());
     frame.memory_bytes = PictureMemoryOf(active->record.spec);
-    const bool is_of_workers_too = frame.round == DueFrame::kResult && !active->record.spec.has_adaptive() &&
-                                   SharesPictureCode(scheduler.jobs().NumericClassOf(frame.job));
-    const int blocks = FrameBlocks(active->record.spec).count();
-    frame.may_travel = is_of_workers_too && blocks == 1;
-    // An audit compares files, and a block is none: those of audited jobs are filtered here.
-    if (is_of_workers_too && active->record.scheduling.audit_share() == 0) frame.block_count = blocks;
+    const v1::JobSpec& spec = active->record.spec;
+    const bool is_of_workers_too = SharesPictureCode(scheduler.jobs().NumericClassOf(frame.job));
+    // An audit compares files. Blocks and estimates are none: those of audited jobs are made here.
+    const bool may_divide = is_of_workers_too && active->record.scheduling.audit_share() == 0;
+    if (frame.round != DueFrame::kResult) {
+      frame.may_travel =
+          may_divide && scheduler.frames().RoundsOf(frame.job, frame.number)->NeedsPictureAt(kRaysOfSample);
+    } else if (const int blocks = FrameBlocks(spec).count(); blocks == 1 || spec.has_adaptive()) {
+      frame.may_travel = is_of_workers_too;
+    } else if (may_divide) {
+      frame.block_count = blocks;
+    }
   }
   frame.samples = scheduler.jobs().Progress(frame.job).samples_done;
   frames.Push(std::move(frame));

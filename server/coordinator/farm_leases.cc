@@ -40,6 +40,11 @@ v1::Lease ProtoFromLease(const scheduler::GrantedLease& lease) {
   return proto;
 }
 
+std::string_view LeasedEventOf(const FramePart& part) {
+  if (part.IsBlock()) return "block_leased";
+  return part.IsEstimate() ? "estimate_leased" : "frame_leased";
+}
+
 std::string_view EventOf(scheduler::Lateness lateness) {
   switch (lateness) {
     case scheduler::Lateness::kStalled:
@@ -181,7 +186,7 @@ std::optional<RunningFrame> Farm::BeginFrame(absl::Time now) {
       watchers.MarkChanged(frame->due.job);
       return frame;
     }
-    if (frame->block != FramePart::kWhole) frames.MarkStale(frame->due.key());
+    if (frame->worker.has_value()) frames.MarkStale(frame->due.key());
     frames.End(frame->part(), now);
   }
 }
@@ -191,8 +196,8 @@ void Farm::SendFrame(const RunningFrame& frame) {
   const WorkerId worker = *frame.worker;
   const job::Attempt attempt = scheduler.NextAttempt();
   const v1::JobSpec& spec = jobs.FindActive(due.job)->record.spec;
-  const bool is_block = frame.block != FramePart::kWhole;
-  const Rect rect = is_block ? FrameBlocks(spec).Input(frame.block) : Rect{0, 0, spec.width(), spec.height()};
+  const Rect rect =
+      frame.part().IsBlock() ? FrameBlocks(spec).Input(frame.block) : Rect{0, 0, spec.width(), spec.height()};
   finish_leases.Grant(attempt,
                       {.part = frame.part(),
                        .worker = worker,
@@ -206,7 +211,7 @@ void Farm::SendFrame(const RunningFrame& frame) {
   lease->set_attempt(attempt.value());
   message.mutable_grant()->set_trace_id(jobs.FindActive(due.job)->record.scheduling.trace_id());
   workers.Send(worker, message);
-  resources_->log().info("event={} unit={} worker={} attempt={}", is_block ? "block_leased" : "frame_leased",
+  resources_->log().info("event={} unit={} worker={} attempt={}", LeasedEventOf(frame.part()),
                          logging::Quoted(Describe(UnitOf(frame.part()))), workers.NameOf(worker),
                          attempt.value());
 }

@@ -3,6 +3,7 @@
 #include <spdlog/logger.h>
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -15,6 +16,8 @@
 #include "proto/rpc/sha256.h"
 #include "server/film/result_digest.h"
 #include "server/film/unit_film.h"
+#include "server/finish/estimate_round.h"
+#include "server/picture/filtered_round.h"
 #include "server/picture/make_picture.h"
 
 namespace lumifold::server {
@@ -68,23 +71,43 @@ v1::StageTimes StoredTimes(const v1::StageTimes& told) {
   return times;
 }
 
-/// Receives a result, or the picture of a block, beside the place where it belongs, and puts it there.
+/// What is recorded of a worker's announcement. Errors: kInvalidArgument without an estimated error that is due.
+absl::StatusOr<v1::FrameReport> ReportOf(const v1::ResultAnnouncement& announcement, const FramePart& part,
+                                         const v1::JobSpec& spec) {
+  v1::FrameReport report;
+  *report.mutable_times() = StoredTimes(announcement.times());
+  report.set_core_seconds(FrameFinishing::SumOf(report.times()));
+  if (!part.IsResult() || !spec.has_adaptive()) return report;
+  const double error = announcement.has_estimated_error() ? announcement.estimated_error() : -1;
+  if (!std::isfinite(error) || error < 0)
+    return absl::InvalidArgumentError("result: its estimated error is missing or not valid");
+  report.set_estimated_error(error);
+  return report;
+}
+
+/// Bytes of the file that is made of a part of a frame; nullopt where they are not known.
+std::optional<uint64_t> BytesOf(const FramePart& part, const v1::JobSpec& spec) {
+  if (part.IsBlock()) return FrameBlocks(spec).PictureBytes(part.block);
+  return part.IsEstimate() ? std::optional(ErrorBytesOf(spec)) : std::nullopt;
+}
+
+/// Receives a result, or the picture of a block or the errors of a round, of which this coordinator makes
+/// one, beside the place where it belongs, and puts it there.
 class ReceivedResult final : public ResultUpload {
  public:
   ReceivedResult(Resources* resources, FarmState* state, FrameFinishing* finishing, NamedLease lease,
-                 DueFrame due, v1::FrameReport report, std::optional<uint64_t> block_bytes,
-                 uint64_t max_bytes, std::string audited)
+                 DueFrame due, v1::FrameReport report, std::optional<uint64_t> bytes, uint64_t max_bytes,
+                 std::string audited)
       : resources_(resources),
         state_(state),
         finishing_(finishing),
         lease_(std::move(lease)),
         due_(std::move(due)),
         report_(std::move(report)),
-        block_bytes_(block_bytes),
+        bytes_(bytes),
         max_bytes_(max_bytes),
         audited_(std::move(audited)),
-        path_(block_bytes.has_value() ? resources->folder.BlockPath(due_.job, due_.number, lease_.part.block)
-                                      : resources->folder.ResultPath(due_.job, due_.number)),
+        path_(PathOf(resources->folder, lease_.part)),
         partial_(absl::StrCat(path_, ".", lease_.attempt.value(), kPartialSuffix)) {}
   ~ReceivedResult() override { resources_->folder.files()->Remove(partial_); }
 
@@ -121,10 +144,11 @@ class ReceivedResult final : public ResultUpload {
     const absl::Status placed = Place();
     const absl::StatusOr<v1::FrameReport> report =
         placed.ok() ? absl::StatusOr<v1::FrameReport>(report_) : placed;
-    if (!block_bytes_.has_value() && !absl::IsAborted(placed)) finishing_->OnFinished(due_, report);
+    const bool is_result = lease_.part.IsResult();
+    if (is_result && !absl::IsAborted(placed)) finishing_->OnFinished(due_, report);
     FarmState::Change farm(state_);
     farm->finish_leases.End(lease_.attempt);
-    if (block_bytes_.has_value() && !placed.ok()) {
+    if (!is_result && !placed.ok()) {
       farm->frames.ComeBack(lease_.part, resources_->options.now());
     } else {
       farm->frames.End(lease_.part, resources_->options.now(), report_.core_seconds());
@@ -134,24 +158,25 @@ class ReceivedResult final : public ResultUpload {
 
  private:
   absl::Status Check() {
-    if (block_bytes_.has_value() && file_->total_size() != *block_bytes_)
-      return absl::InvalidArgumentError(absl::StrCat("result: a block has ", *block_bytes_, " bytes"));
+    if (bytes_.has_value() && file_->total_size() != *bytes_)
+      return absl::InvalidArgumentError(absl::StrCat("result: the file has to have ", *bytes_, " bytes"));
     if (absl::Status status = file_->Sync(); !status.ok()) return status;
     if (sum_.FinishHex() != sha256_) return absl::DataLossError("result: the SHA-256 does not match");
     return absl::OkStatus();
   }
 
+  ClaimedResult Claim() const { return {audited_, sha256_, EstimatedErrorOf(report_)}; }
   /// Whether another worker has made the same.
   bool IsConfirmed() const {
     return std::any_of(due_.claims.begin(), due_.claims.end(),
-                       [this](const ClaimedResult& claim) { return claim.sha256 == sha256_; });
+                       [this](const ClaimedResult& claim) { return claim.Confirms(Claim()); });
   }
 
   /// Somebody else is to make the frame again.
   absl::Status Compare() {
     FarmState::Change farm(state_);
     farm->finish_leases.End(lease_.attempt);
-    farm->frames.Audit(lease_.part, {audited_, sha256_}, resources_->options.now());
+    farm->frames.Audit(lease_.part, Claim(), resources_->options.now());
     resources_->log().info("event=frame_compared unit={} worker={}",
                            logging::Quoted(Describe(UnitOf(lease_.part))), audited_);
     return absl::OkStatus();
@@ -162,7 +187,7 @@ class ReceivedResult final : public ResultUpload {
     if (absl::Status status = CheckOwner(*resources_->store, resources_->Owned(due_.job)); !status.ok())
       return status;
     if (const int error = files->Rename(partial_, path_); error != 0) return StorageError(path_, error);
-    if (block_bytes_.has_value()) return absl::OkStatus();
+    if (!lease_.part.IsResult()) return absl::OkStatus();
     if (const int error = files->SyncFolder(FolderOf(path_)); error != 0) return StorageError(path_, error);
     return film::WriteResultDigest(path_, sha256_, files);
   }
@@ -173,7 +198,7 @@ class ReceivedResult final : public ResultUpload {
   const NamedLease lease_;
   const DueFrame due_;
   const v1::FrameReport report_;
-  const std::optional<uint64_t> block_bytes_;  // of a block
+  const std::optional<uint64_t> bytes_;  // of the file, where they are known
   const uint64_t max_bytes_;
   const std::string audited_;  // the worker's name, if the frame is; else empty
   const std::string path_;
@@ -200,7 +225,14 @@ absl::StatusOr<UnitSender> FinishDelivery::OpenUnits(const v1::FetchUnitsRequest
   absl::StatusOr<CommittedUnits> units =
       CommittedUnits::Open(resources_->folder, *resources_->store, job, request.unit().frame());
   if (!units.ok()) return units.status();
-  if (part.block == FramePart::kWhole) return UnitSender(*std::move(units));
+  if (job.spec.has_adaptive()) {
+    const absl::StatusOr<v1::RoundEstimates> rounds =
+        ReadEstimates(resources_->folder.RoundsPath(job.id, request.unit().frame()));
+    if (!rounds.ok()) return rounds.status();
+    if (part.IsEstimate()) units->KeepPasses(part.round);
+    return UnitSender(*std::move(units), 0, rounds->SerializeAsString());
+  }
+  if (!part.IsBlock()) return UnitSender(*std::move(units));
   const absl::StatusOr<uint64_t> levels = LevelsOf(part.frame, job.spec, *units);
   if (!levels.ok()) return levels.status();
   units->KeepTiles(job::FrameUnits(job.spec).tiles().TilesIn(FrameBlocks(job.spec).Input(part.block)));
@@ -239,20 +271,17 @@ absl::StatusOr<std::unique_ptr<ResultUpload>> FinishDelivery::Receive(
     const ledger::JobRecord& job = farm->jobs.FindActive(lease->part.frame.first)->record;
     const v1::JobSpec& spec = job.spec;
     const auto pixels = static_cast<uint64_t>(spec.width()) * static_cast<uint64_t>(spec.height());
-    std::optional<uint64_t> block_bytes;
-    if (lease->part.block != FramePart::kWhole)
-      block_bytes = FrameBlocks(spec).PictureBytes(lease->part.block);
-    v1::FrameReport report;
-    *report.mutable_times() = StoredTimes(announcement.times());
-    report.set_core_seconds(FrameFinishing::SumOf(report.times()));
+    const std::optional<uint64_t> bytes = BytesOf(lease->part, spec);
+    absl::StatusOr<v1::FrameReport> report = ReportOf(announcement, lease->part, spec);
+    if (!report.ok()) return report.status();
     DueFrame due = {.job = lease->part.frame.first,
                     .number = lease->part.frame.second,
                     .claims = ClaimsOf(farm->frames, lease->part)};
     const bool is_audited =
-        !block_bytes.has_value() && scheduler::IsAudited(UnitOf(lease->part), job.scheduling.audit_share());
+        lease->part.IsResult() && scheduler::IsAudited(UnitOf(lease->part), job.scheduling.audit_share());
     std::string audited = is_audited ? farm->workers.Find(lease->worker)->name : "";
     result = std::make_unique<ReceivedResult>(
-        resources_, state_, finishing_, *std::move(lease), std::move(due), std::move(report), block_bytes,
+        resources_, state_, finishing_, *std::move(lease), std::move(due), *std::move(report), bytes,
         pixels * kMaxBytesPerPixel + kMaxOtherBytes, std::move(audited));
   }
   if (absl::Status status = resources_->NoteError(result->Open()); !status.ok()) return status;

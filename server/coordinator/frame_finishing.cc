@@ -26,6 +26,16 @@ constexpr absl::Duration kIdleInterval = absl::Seconds(1);
 
 }  // namespace
 
+std::string PathOf(const DataFolder& folder, const FramePart& part) {
+  const auto& [job, number] = part.frame;
+  if (part.IsBlock()) return folder.BlockPath(job, number, part.block);
+  return part.IsEstimate() ? folder.ErrorsPath(job, number, part.round) : folder.ResultPath(job, number);
+}
+
+std::optional<double> EstimatedErrorOf(const v1::FrameReport& report) {
+  return report.has_estimated_error() ? std::optional(report.estimated_error()) : std::nullopt;
+}
+
 FrameFinishing::FrameFinishing(Resources* resources, FarmState* state, Committer* committer, Cleanup* cleanup,
                                threads::Event* wake_up)
     : resources_(resources), state_(state), committer_(committer), cleanup_(cleanup), wake_up_(wake_up) {}
@@ -64,29 +74,31 @@ void FrameFinishing::FinishFrame(const RunningFrame& frame) {
       due.round == DueFrame::kResult
           ? finisher->Finish(resources_->Owned(due.job), due.number, frame.threads, due.blocks.done, note)
           : finisher->Estimate(
-                {due.job, resources_->owner.epoch, due.number, due.round, due.rendered, due.samples},
+                {due.job, resources_->owner.epoch, due.number, due.round, due.rendered, due.samples,
+                 due.blocks.done.empty() ? std::nullopt : std::optional(absl::Seconds(due.blocks.seconds))},
                 frame.threads);
-  if (report.ok()) JudgeClaims(due);
+  if (report.ok()) JudgeClaims(due, *report);
   // Aborted: another coordinator has taken the job over, and finishes the frame.
   const bool is_dropped = absl::IsCancelled(report.status()) || absl::IsAborted(report.status());
   if (report.ok()) report->set_core_seconds(due.blocks.seconds + frame.threads * SumOf(report->times()));
   if (!is_dropped) OnFinished(due, report);
   if (report.ok()) {
     for (const int block : due.blocks.done)
-      resources_->folder.files()->Remove(resources_->folder.BlockPath(due.job, due.number, block));
+      resources_->folder.files()->Remove(PathOf(resources_->folder, {due.key(), block, due.round}));
   }
   FarmState::Change(state_)->frames.End(frame.part(), resources_->options.now());
 }
 
-void FrameFinishing::JudgeClaims(const DueFrame& frame) {
+void FrameFinishing::JudgeClaims(const DueFrame& frame, const v1::FrameReport& report) {
   if (frame.claims.empty()) return;
   const absl::StatusOr<std::string> digest =
       film::ResultDigest(resources_->folder.ResultPath(frame.job, frame.number));
   if (!digest.ok()) return;  // nothing to compare with
+  const ClaimedResult made = {.worker = "", .sha256 = *digest, .estimated_error = EstimatedErrorOf(report)};
   FarmState::Change farm(state_);
   if (farm->frames.IsStale(frame.key())) return;
   for (const ClaimedResult& claim : frame.claims) {
-    if (claim.sha256 == *digest) continue;
+    if (claim.Confirms(made)) continue;
     farm->scheduler.BlockFaulty(
         claim.worker, absl::StrCat("it delivered another picture of frame ", frame.number, " of job ",
                                    frame.job.value(), " than this coordinator has made"));

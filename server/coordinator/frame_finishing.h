@@ -2,6 +2,7 @@
 
 #include <list>
 #include <optional>
+#include <string>
 #include <thread>
 
 #include "absl/status/statusor.h"
@@ -12,6 +13,10 @@
 #include "server/coordinator/resources.h"
 
 namespace lumifold::server {
+
+/// Where the file is that is made of a part of a frame.
+std::string PathOf(const DataFolder& folder, const FramePart& part);
+std::optional<double> EstimatedErrorOf(const v1::FrameReport& report);
 
 /// Has frames finished and rounds estimated, as many at a time as FrameQueue says, and records what comes of
 /// it.
@@ -45,7 +50,7 @@ class FrameFinishing {
   void JoinEnded();
   void FinishFrame(const RunningFrame& frame);
   /// Finds the workers faulty that delivered another result of the frame than this coordinator has made.
-  void JudgeClaims(const DueFrame& frame);
+  void JudgeClaims(const DueFrame& frame, const v1::FrameReport& report);
   void RetryFrame(Farm* farm, DueFrame frame, const absl::Status& error);
   void AwaitStorage(Farm* farm, DueFrame frame, const absl::Status& error);
   /// Opens the rounds that the frame's record has.

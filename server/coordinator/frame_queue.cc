@@ -19,16 +19,20 @@ constexpr absl::Duration kLongestPause = absl::Minutes(1);
 
 job::UnitRef UnitOf(const FramePart& part) {
   const auto& [job, number] = part.frame;
-  if (part.block == FramePart::kWhole) return {job, {number, 0, 0, v1::UNIT_KIND_RESULT}};
-  return {job, {number, part.block, 0, v1::UNIT_KIND_BLOCK}};
+  if (part.IsBlock()) return {job, {number, part.block, 0, v1::UNIT_KIND_BLOCK}};
+  if (part.IsEstimate()) return {job, {number, 0, part.round, v1::UNIT_KIND_ESTIMATE}};
+  return {job, {number, 0, 0, v1::UNIT_KIND_RESULT}};
 }
 
 FramePart PartOf(const job::UnitRef& unit) {
   return {{unit.job, unit.key.frame},
-          unit.key.kind == v1::UNIT_KIND_BLOCK ? unit.key.tile : FramePart::kWhole};
+          unit.key.kind == v1::UNIT_KIND_BLOCK ? unit.key.tile : FramePart::kWhole,
+          unit.key.kind == v1::UNIT_KIND_ESTIMATE ? unit.key.pass : FramePart::kResult};
 }
 
-bool IsOfFinishing(v1::UnitKind kind) { return kind == v1::UNIT_KIND_RESULT || kind == v1::UNIT_KIND_BLOCK; }
+bool IsOfFinishing(v1::UnitKind kind) {
+  return kind == v1::UNIT_KIND_RESULT || kind == v1::UNIT_KIND_BLOCK || kind == v1::UNIT_KIND_ESTIMATE;
+}
 
 FrameQueue::FrameQueue(const FinishOptions& options)
     : after_failures_{.first = options.pause, .factor = kPauseGrowth},
@@ -174,9 +178,20 @@ RunningFrame FrameQueue::Take(const FramePart& part, absl::Time now) {
 }
 
 void FrameQueue::End(const FramePart& part, absl::Time now, double block_seconds) {
-  const RunningFrame ended = Take(part, now);
+  RunningFrame ended = Take(part, now);
+  if (ended.is_stale || part.IsResult()) return;
+  if (part.IsEstimate()) {
+    const auto number = numbers_.find(part.frame.first);
+    if (!ended.worker.has_value() || number == numbers_.end() || number->second != ended.job_number) return;
+    ended.due.may_travel = false;
+    BlockProgress& progress = ended.due.blocks;
+    progress.have_begun = true;
+    progress.done = {part.block};
+    progress.seconds = block_seconds;
+    return waiting_.push_front(std::move(ended.due));
+  }
   const auto frame = FindWaiting(part.frame);
-  if (part.block == FramePart::kWhole || ended.is_stale || frame == waiting_.end()) return;
+  if (frame == waiting_.end()) return;
   --frame->blocks.running;
   frame->blocks.done.push_back(part.block);
   frame->blocks.seconds += block_seconds;
@@ -185,7 +200,7 @@ void FrameQueue::End(const FramePart& part, absl::Time now, double block_seconds
 void FrameQueue::ComeBack(const FramePart& part, absl::Time now) {
   RunningFrame ended = Take(part, now);
   if (ended.is_stale || !numbers_.contains(part.frame.first)) return;
-  if (part.block == FramePart::kWhole) {
+  if (!part.IsBlock()) {
     ended.due.may_travel = false;
     return waiting_.push_front(std::move(ended.due));
   }
@@ -264,9 +279,10 @@ void FrameQueue::AwaitStorage(DueFrame* frame, absl::Time now) {
   waiting_.push_back(*frame);
 }
 
-bool FrameQueue::IsRunning(const FramePart& part) const {
-  return std::any_of(running_.begin(), running_.end(),
-                     [&](const RunningFrame& other) { return other.part() == part; });
+bool FrameQueue::IsRunning(const FrameKey& frame) const {
+  return std::any_of(running_.begin(), running_.end(), [&](const RunningFrame& other) {
+    return other.due.key() == frame && !other.part().IsBlock();
+  });
 }
 
 JobFrames FrameQueue::CountsOf(const job::JobId& job) const {

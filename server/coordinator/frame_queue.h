@@ -19,11 +19,18 @@
 
 namespace lumifold::server {
 
-/// A frame, or one of its blocks, that is being finished.
+/// What is being finished: a frame, one of its blocks, or the estimate of one of its rounds.
 struct FramePart {
   FrameKey frame;
   int block = kWhole;
+  int round = kResult;
   static constexpr int kWhole = -1;
+  static constexpr int kResult = -1;
+
+  bool IsBlock() const { return block != kWhole; }
+  bool IsEstimate() const { return round != kResult; }
+  /// It is a result, and not what this coordinator makes one of.
+  bool IsResult() const { return !IsBlock() && !IsEstimate(); }
 
   friend bool operator==(const FramePart&, const FramePart&) = default;
 };
@@ -34,7 +41,8 @@ FramePart PartOf(const job::UnitRef& unit);
 /// Whether a unit of this kind is leased so.
 bool IsOfFinishing(v1::UnitKind kind);
 
-/// How far the blocks of a frame are that workers filter side by side.
+/// How far the blocks of a frame are that workers filter side by side. The errors of a round that a worker has
+/// estimated count as its only block.
 struct BlockProgress {
   bool have_begun = false;
   /// Those that wait for a worker; the next one is the last.
@@ -53,6 +61,12 @@ struct BlockProgress {
 struct ClaimedResult {
   std::string worker;  // name
   std::string sha256;  // of the file
+  std::optional<double> estimated_error = std::nullopt;
+
+  /// Whether another one has delivered the same.
+  bool Confirms(const ClaimedResult& other) const {
+    return sha256 == other.sha256 && estimated_error == other.estimated_error;
+  }
 };
 
 /// A frame for which something is due: its result, or with adaptive sampling the estimate of a round.
@@ -61,7 +75,7 @@ struct DueFrame {
   int32_t number = 0;
   /// The round whose estimate is due; kResult: the frame is committed.
   int round = kResult;
-  static constexpr int kResult = -1;
+  static constexpr int kResult = FramePart::kResult;
   /// Render time of the job when that round was committed, and its camera samples, of all frames.
   absl::Duration rendered = {};
   int64_t samples = 0;
@@ -100,7 +114,7 @@ struct RunningFrame {
   /// Units were taken back meanwhile: its result is of no use.
   bool is_stale = false;
 
-  FramePart part() const { return {due.key(), block}; }
+  FramePart part() const { return {due.key(), block, due.round}; }
 };
 
 /// Frames of a job that are being finished, here or by workers, and those that wait for it.
@@ -145,7 +159,8 @@ class FrameQueue {
   /// Of a frame that waits for its blocks `has_workers` says whether any worker could take one: then they
   /// wait for workers, otherwise for nothing.
   void OfferBlocks(absl::FunctionRef<bool(const DueFrame&)> has_workers);
-  /// Of what is running, as ComeBack. A block is done; it took so many seconds of one core.
+  /// Of what is running, as ComeBack. A block is done; it took so many seconds of one core. So is the filter
+  /// of a round that a worker had: its estimate is queued again, for this coordinator.
   void End(const FramePart& part, absl::Time now, double block_seconds = 0);
   /// Ends what a worker has not finished. A frame is queued again, for this coordinator; a block, for any
   /// worker.
@@ -174,9 +189,10 @@ class FrameQueue {
   int CountHere() const;
 
  private:
-  bool IsRunning(const FramePart& part) const;
+  /// As a whole, its result or the estimate of a round.
+  bool IsRunning(const FrameKey& frame) const;
   bool MayBegin(const DueFrame& frame, absl::Time now) const {
-    return frame.not_before <= now && frame.blocks.IsOver() && !IsRunning({frame.key()});
+    return frame.not_before <= now && frame.blocks.IsOver() && !IsRunning(frame.key());
   }
   /// Whether the frame, or a block of it, may begin.
   bool IsReady(const DueFrame& frame, absl::Time now) const {

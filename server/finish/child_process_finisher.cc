@@ -56,6 +56,7 @@ absl::StatusOr<v1::FrameReport> ChildProcessFinisher::Run(const RoundToEstimate&
        .arguments = {what.job.value(), absl::StrCat(what.frame), absl::StrCat(what.round),
                      absl::StrCat(absl::ToInt64Milliseconds(what.rendered)), absl::StrCat(what.samples),
                      absl::StrCat(what.epoch.value()), absl::StrJoin(blocks, ","),
+                     what.filtered.has_value() ? absl::StrCat(absl::ToDoubleSeconds(*what.filtered)) : "",
                      what.round == kResult ? "" : kUrgent},  // workers wait for rounds
        .job = what.job,
        .task = task,
@@ -80,7 +81,7 @@ absl::StatusOr<std::string> FinishAsChild(const ChildTask& task) {
   int64_t epoch = 0;
   const std::vector<std::string>& arguments = task.arguments;
   std::vector<int> blocks;
-  if (arguments.size() != 8 || !ParseBlocks(arguments[6], &blocks) ||
+  if (arguments.size() != 9 || !ParseBlocks(arguments[6], &blocks) ||
       !absl::SimpleAtoi(arguments[1], &what.frame) || !absl::SimpleAtoi(arguments[2], &what.round) ||
       !absl::SimpleAtoi(arguments[3], &rendered_ms) || !absl::SimpleAtoi(arguments[4], &what.samples) ||
       !absl::SimpleAtoi(arguments[5], &epoch)) {
@@ -89,6 +90,7 @@ absl::StatusOr<std::string> FinishAsChild(const ChildTask& task) {
   what.job = job::JobId(arguments[0]);
   what.rendered = absl::Milliseconds(rendered_ms);
   what.epoch = ledger::Epoch(epoch);
+  if (double seconds = 0; absl::SimpleAtod(arguments[7], &seconds)) what.filtered = absl::Seconds(seconds);
   const absl::StatusOr<v1::FrameReport> report =
       what.round == kResult ? FinishFrame(task.folder, task.store, {what.job, what.epoch}, what.frame,
                                           task.pool, rpc::MonotonicNow, {}, blocks, task.progress)

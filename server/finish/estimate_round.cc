@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/types/span.h"
+#include "filter/image/file_io.h"
 #include "proto/rpc/checked_file.h"
 #include "server/commit/committed_units.h"
 #include "server/film/unit_film.h"
@@ -19,15 +20,6 @@ namespace {
 /// The rounds follow from the estimates by job::FrameSampling: where it decides otherwise than before,
 /// records of before would name other units than those committed, and the version is to be incremented.
 constexpr rpc::CheckedFileType kRoundsFile = {"LFRB", "the record of rounds", int64_t{1} << 30};
-
-absl::StatusOr<v1::RoundEstimates> ReadEstimates(const std::string& path) {
-  absl::StatusOr<std::string> bytes = rpc::ReadCheckedFile(path, kRoundsFile);
-  v1::RoundEstimates estimates;
-  if (absl::IsNotFound(bytes.status())) return estimates;
-  if (!bytes.ok()) return bytes.status();
-  if (!estimates.ParseFromString(*bytes)) return absl::DataLossError(absl::StrCat(path, ": cannot be read"));
-  return estimates;
-}
 
 /// Rays of one sample of a tile's pixels up to a round; at least 1, for its cost is more than its rays.
 absl::StatusOr<double> CostOf(const job::FrameRounds& rounds, const CommittedUnits& units, int32_t frame,
@@ -64,16 +56,34 @@ absl::StatusOr<std::vector<double>> Costs(const v1::JobSpec& spec, const job::Fr
   return costs;
 }
 
-/// What a round is filtered for.
-struct Estimating {
-  filter::FilterPurpose purpose;
-  double picture_over_estimate;  // of the times that filtering takes
+/// Of the times that filtering takes: that for the picture over that for the estimate.
+double PictureOverEstimate(const v1::JobSpec& spec) {
+  return PurposeOfEstimates(spec) == filter::FilterPurpose::kPicture ? 1 : 1.5;
+}
+
+struct TimedErrors {
+  std::vector<double> errors;
+  absl::Duration filtering;
 };
 
-/// A target is compared with the error of the picture itself; otherwise it is enough to know where it errs.
-Estimating EstimatingFor(const v1::JobSpec& spec) {
-  if (spec.adaptive().target_error() > 0) return {filter::FilterPurpose::kPicture, 1};
-  return {filter::FilterPurpose::kEstimate, 1.5};
+/// The errors that a worker has estimated, if they are here and whole; otherwise they are made here.
+absl::StatusOr<TimedErrors> ErrorsOfRound(const DataFolder& folder, const RoundToEstimate& what,
+                                          const v1::JobSpec& spec, const job::FrameRounds& rounds,
+                                          const film::UnitSource& units, TaskPool* pool,
+                                          const std::function<absl::Time()>& now) {
+  if (what.filtered.has_value()) {
+    const uint64_t bytes = ErrorBytesOf(spec);
+    const absl::StatusOr<std::string> file =
+        ReadFile(folder.ErrorsPath(what.job, what.frame, what.round), static_cast<int64_t>(bytes));
+    absl::StatusOr<std::vector<double>> errors =
+        file.ok() ? ErrorsOfBytes(*file, bytes / sizeof(double)) : file.status();
+    if (errors.ok()) return TimedErrors{*std::move(errors), *what.filtered};
+  }
+  const absl::Time begun = now();
+  absl::StatusOr<std::vector<double>> errors =
+      EstimateErrors(spec, what.frame, rounds, what.round, units, pool);
+  if (!errors.ok()) return errors.status();
+  return TimedErrors{*std::move(errors), now() - begun};
 }
 
 /// Mean samples per pixel of a frame that fit the job's time, if samples go on being made as fast as those of
@@ -92,6 +102,15 @@ double BudgetOf(const RoundToEstimate& what, const v1::JobSpec& spec, const job:
 }
 
 }  // namespace
+
+absl::StatusOr<v1::RoundEstimates> ReadEstimates(const std::string& path) {
+  absl::StatusOr<std::string> bytes = rpc::ReadCheckedFile(path, kRoundsFile);
+  v1::RoundEstimates estimates;
+  if (absl::IsNotFound(bytes.status())) return estimates;
+  if (!bytes.ok()) return bytes.status();
+  if (!estimates.ParseFromString(*bytes)) return absl::DataLossError(absl::StrCat(path, ": cannot be read"));
+  return estimates;
+}
 
 absl::StatusOr<job::FrameRounds> ReadRounds(const DataFolder& folder, const job::JobId& job,
                                             const v1::JobSpec& spec, int32_t frame) {
@@ -128,15 +147,12 @@ absl::StatusOr<v1::FrameReport> EstimateRound(const DataFolder& folder, ledger::
   v1::RoundEstimate* estimate = estimates->add_estimates();
   estimate->mutable_costs()->Add(costs->begin(), costs->end());
   if (rounds->NeedsPicture(*costs)) {
-    const Estimating how = EstimatingFor(job->spec);
-    const absl::Time begun = now();
-    const absl::StatusOr<FilteredRound> filtered =
-        FilterRound(job->spec, what.frame, *rounds, round, *units, how.purpose, pool);
-    if (!filtered.ok()) return filtered.status();
-    const absl::Duration filtering = how.picture_over_estimate * (now() - begun);
-    const std::vector<double> errors = ErrorsOf(*filtered, job->spec, pool);
-    estimate->mutable_errors()->Add(errors.begin(), errors.end());
-    estimate->set_budget(BudgetOf(what, job->spec, *rounds, *costs, filtering));
+    const absl::StatusOr<TimedErrors> made =
+        ErrorsOfRound(folder, what, job->spec, *rounds, *units, pool, now);
+    if (!made.ok()) return made.status();
+    estimate->mutable_errors()->Add(made->errors.begin(), made->errors.end());
+    estimate->set_budget(
+        BudgetOf(what, job->spec, *rounds, *costs, PictureOverEstimate(job->spec) * made->filtering));
   } else {
     estimate->mutable_errors()->Resize(estimate->costs_size(), -1);
   }

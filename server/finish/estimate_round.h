@@ -2,6 +2,8 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
+#include <string>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
@@ -13,6 +15,10 @@
 #include "server/storage/data_folder.h"
 
 namespace lumifold::server {
+
+/// The record of the rounds of a frame, at DataFolder::RoundsPath; empty before the first estimate.
+/// Errors: kDataLoss where it is damaged; kUnavailable. Both name the file.
+absl::StatusOr<v1::RoundEstimates> ReadEstimates(const std::string& path);
 
 /// The rounds of a frame of a job with adaptive sampling, as its record has them; those before the first
 /// estimate if there is no record. `spec` is normalised.
@@ -30,12 +36,15 @@ struct RoundToEstimate {
   absl::Duration rendered = {};
   /// Camera samples of the job that were committed then, of all its frames.
   int64_t samples = 0;
+  /// A worker has filtered the round in this time, and its errors are at DataFolder::ErrorsPath.
+  std::optional<absl::Duration> filtered = std::nullopt;
 };
 
 /// Estimates the error of a frame's filtered picture once a round is committed, from the units of this round
 /// and those before it alone, and adds the estimate to the frame's record; for a job with a time also the
 /// budget that follows from `rendered`, `samples` and the time of filtering. A repeated call writes the same
-/// estimate, and nothing where the record has it. Durable once it returns OK. Returns the time of each stage,
+/// estimate, and nothing where the record has it. Errors of a worker that cannot be read are estimated here.
+/// Durable once it returns OK. Returns the time of each stage,
 /// measured with `now`.
 /// Memory: two films and pictures.
 /// Errors: as FinishFrame; then nothing has been written; kFailedPrecondition for a round whose turn it is

@@ -40,6 +40,7 @@ class FrameRounds {
   double MeasuredError(absl::Span<const double> errors) const { return sampling_.MeasuredError(errors); }
   /// See job::FrameSampling::NeedsPicture.
   bool NeedsPicture(absl::Span<const double> costs) const { return sampling_.NeedsPicture(costs); }
+  bool NeedsPictureAt(double rays) const { return sampling_.NeedsPictureAt(rays); }
   /// See job::FrameSampling::MeanCostOf.
   double MeanCostOf(int round, absl::Span<const double> costs) const {
     return sampling_.MeanCostOf(round, costs);

@@ -36,8 +36,6 @@ constexpr double kMostGrowth = 8;
 constexpr double kMostOverBudget = 16;
 /// Of a mean over all blocks: a budget that is met exactly is not exceeded.
 constexpr double kRounding = 1e-9;
-/// The first estimate filters the frame, which may take this part of the budget, one in.
-constexpr double kBudgetPerEstimate = 12;
 
 uint32_t RoundDown(double samples) { return static_cast<uint32_t>(samples) / kSampleStep * kSampleStep; }
 
@@ -92,10 +90,6 @@ double FrameSampling::SavedByEstimate(double samples) const {
   // what the logarithm of the amplitude is off by, whose variance falls with the number of estimates.
   const double lost = (1 + kDecline) / 2 * kSpread * kSpread * metrics::kLogVarianceOfDrawnBlock;
   return samples * lost / (learned_ * (learned_ + 1.0));
-}
-
-bool FrameSampling::NeedsPicture(absl::Span<const double> costs) const {
-  return EndsByEstimates() || IsKnown() || kBudgetPerEstimate * EstimateSamples(costs) <= settings_.budget;
 }
 
 void FrameSampling::Learn(const Allocation& samples, absl::Span<const double> errors) {

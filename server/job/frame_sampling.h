@@ -72,7 +72,12 @@ class FrameSampling {
   }
   /// Whether the estimate of a round is to filter the frame; `costs` as for AddEstimate. Otherwise
   /// AddEstimate takes errors that are all unknown, and the rest of the budget is spent uniformly.
-  bool NeedsPicture(absl::Span<const double> costs) const;
+  bool NeedsPicture(absl::Span<const double> costs) const { return NeedsPictureAt(CostOfOne(costs)); }
+  /// The same where a sample has so many rays on average.
+  bool NeedsPictureAt(double rays) const {
+    return EndsByEstimates() || IsKnown() ||
+           kBudgetPerEstimate * settings_.estimate_rays / rays <= settings_.budget;
+  }
   /// Changes the budget for all further estimates. >= 1. Samples that were granted stay granted.
   void SetBudget(double budget);
   /// What is known once round `round` is complete; call it once for each round from 1 on, in order, until
@@ -88,6 +93,9 @@ class FrameSampling {
   double MeasuredError(absl::Span<const double> errors) const;
 
  private:
+  /// The first estimate filters the frame, which may take this part of the budget, one in.
+  static constexpr double kBudgetPerEstimate = 12;
+
   /// Cost of one sample of each pixel, per pixel.
   double CostOfOne(absl::Span<const double> costs) const;
   /// Cost of one estimate, in samples per pixel.

@@ -23,6 +23,8 @@ std::string Describe(const UnitRef& unit) {
   const std::string frame = absl::StrCat(unit.job.value(), " frame ", unit.key.frame);
   if (unit.key.kind == v1::UNIT_KIND_RESULT) return absl::StrCat(frame, " result");
   if (unit.key.kind == v1::UNIT_KIND_BLOCK) return absl::StrCat(frame, " block ", unit.key.tile);
+  if (unit.key.kind == v1::UNIT_KIND_ESTIMATE)
+    return absl::StrCat(frame, " estimate of round ", unit.key.pass);
   const std::string place = absl::StrCat(frame, " tile ", unit.key.tile);
   if (unit.key.kind == v1::UNIT_KIND_GEOMETRY) return absl::StrCat(place, " geometry");
   return absl::StrCat(place, " pass ", unit.key.pass);

@@ -1,7 +1,12 @@
 #include "server/picture/filtered_round.h"
 
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "filter/image/planes.h"
 #include "filter/image/tile_samples.h"
 #include "filter/metrics/error_estimate.h"
@@ -28,6 +33,40 @@ std::vector<double> ErrorsOf(const FilteredRound& frame, const v1::JobSpec& spec
                                                                            : metrics::ErrorMetric::kMse255;
   const metrics::FilteredFilm view = {frame.film.pixels, frame.filtered, &frame.film.edges};
   return metrics::EstimateError(view, kSampleBlock, metric, pool).blocks;
+}
+
+filter::FilterPurpose PurposeOfEstimates(const v1::JobSpec& spec) {
+  return spec.adaptive().target_error() > 0 ? filter::FilterPurpose::kPicture
+                                            : filter::FilterPurpose::kEstimate;
+}
+
+absl::StatusOr<std::vector<double>> EstimateErrors(const v1::JobSpec& spec, int32_t frame,
+                                                   const job::FrameRounds& rounds, int round,
+                                                   const film::UnitSource& units, TaskPool* pool) {
+  const absl::StatusOr<FilteredRound> filtered =
+      FilterRound(spec, frame, rounds, round, units, PurposeOfEstimates(spec), pool);
+  if (!filtered.ok()) return filtered.status();
+  return ErrorsOf(*filtered, spec, pool);
+}
+
+std::string BytesOfErrors(absl::Span<const double> errors) {
+  static_assert(std::endian::native == std::endian::little);
+  return {reinterpret_cast<const char*>(errors.data()), errors.size() * sizeof(double)};
+}
+
+absl::StatusOr<std::vector<double>> ErrorsOfBytes(const std::string& bytes, size_t blocks) {
+  if (bytes.size() != blocks * sizeof(double))
+    return absl::DataLossError(absl::StrCat("the errors of a round have ", bytes.size(), " bytes"));
+  std::vector<double> errors(blocks);
+  std::memcpy(errors.data(), bytes.data(), bytes.size());
+  if (!std::all_of(errors.begin(), errors.end(), [](double error) { return std::isfinite(error); }))
+    return absl::DataLossError("an error of a round is not finite");
+  return errors;
+}
+
+uint64_t ErrorBytesOf(const v1::JobSpec& spec) {
+  return sizeof(double) * static_cast<uint64_t>(BlocksIn(spec.width())) *
+         static_cast<uint64_t>(BlocksIn(spec.height()));
 }
 
 }  // namespace lumifold::server

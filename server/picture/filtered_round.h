@@ -1,9 +1,11 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/types/span.h"
 #include "filter/image/edged_image.h"
 #include "filter/image/filtered_picture.h"
 #include "filter/image/parallel.h"
@@ -30,5 +32,22 @@ absl::StatusOr<FilteredRound> FilterRound(const v1::JobSpec& spec, int32_t frame
 
 /// Estimated errors, by block, in the metric of the job: as FrameSampling wants them.
 std::vector<double> ErrorsOf(const FilteredRound& frame, const v1::JobSpec& spec, TaskPool* pool);
+
+/// What a round is filtered for, to estimate its error. A target is compared with the error of the picture
+/// itself; otherwise it is enough to know where it errs.
+filter::FilterPurpose PurposeOfEstimates(const v1::JobSpec& spec);
+
+/// ErrorsOf a frame after `round`, filtered for that.
+/// Errors: as FilterRound.
+absl::StatusOr<std::vector<double>> EstimateErrors(const v1::JobSpec& spec, int32_t frame,
+                                                   const job::FrameRounds& rounds, int round,
+                                                   const film::UnitSource& units, TaskPool* pool);
+
+/// How they travel: each as float64, little-endian. `blocks`: their number.
+std::string BytesOfErrors(absl::Span<const double> errors);
+/// Errors: kDataLoss where they are not so many finite numbers.
+absl::StatusOr<std::vector<double>> ErrorsOfBytes(const std::string& bytes, size_t blocks);
+/// Bytes of those of a frame of the job.
+uint64_t ErrorBytesOf(const v1::JobSpec& spec);
 
 }  // namespace lumifold::server

@@ -2,8 +2,11 @@
 finishes them and whoever is killed meanwhile."""
 
 import contextlib
+import hashlib
+import os
 import pathlib
 import re
+import signal
 import tempfile
 import unittest
 
@@ -114,6 +117,108 @@ class FinishTest(unittest.TestCase):
     def test_a_worker_that_leaves_hands_its_frames_back(self):
         with self.a_leased_frame("--drain-seconds", "0") as (_, worker):
             self.assertEqual(worker.stop(), 0)
+
+
+class AdaptiveFinishTest(unittest.TestCase):
+    """Frames with adaptive sampling: workers estimate rounds and finish frames while the coordinator's only place is held by a
+    filter that is stopped. The files are the same."""
+
+    FRAMES = 6
+    SETTINGS = ["--size", "96x72", "--spp", "64", "--adaptive", "--frames", f"0-{FRAMES - 1}"]
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.root = pathlib.Path(cls.folder.name)
+        cls.scene = make_scene("cornell-box", cls.root)
+        with cls.farm() as (farm, _):
+            farm.start_worker("--finish", "never", threads=2)
+            cls.expected = cls.results(farm, cls.submit(farm))
+            assert "_leased" not in farm.server.log_text()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    @classmethod
+    @contextlib.contextmanager
+    def farm(cls):
+        """A coordinator with one place, and a job that is done."""
+        with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE, *SHORT_LEASES) as farm:
+            worker = farm.start_worker("--finish", "never", threads=2)
+            job = farm.client("submit", cls.scene, "--size", "64x48", "--spp", "2").stdout.strip()
+            farm.client("wait", job)
+            worker.stop()
+            yield farm, job
+
+    @classmethod
+    def submit(cls, farm):
+        return farm.client("submit", cls.scene, *cls.SETTINGS).stdout.strip()
+
+    @staticmethod
+    def results(farm, job):
+        """The SHA-256 of each frame, and what is told of the job's error."""
+        farm.client("wait", job)
+        folder = pathlib.Path(farm.data) / "results" / job
+        assert not list(folder.glob("*.partial"))
+        files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.glob("frame-*")}
+        return files, farm.status(job)["estimated_error"]
+
+    @contextlib.contextmanager
+    def held_place(self, farm, other):
+        """The filter of another job is stopped meanwhile."""
+        farm.client("retry", other, "--filter-only")
+        filters = wait_until(farm.server.children, "the filter")
+        try:
+            for filter_process in filters:
+                os.kill(filter_process, signal.SIGSTOP)
+            yield
+        finally:
+            for filter_process in filters:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(filter_process, signal.SIGCONT)
+
+    def estimated_meanwhile(self, meanwhile=lambda farm, worker: None):
+        """Rounds go to workers; `meanwhile` happens while the first of them has one."""
+        with self.farm() as (farm, other):
+            with self.held_place(farm, other):
+                worker = farm.start_worker(threads=2)
+                job = self.submit(farm)
+                wait_until(lambda: "event=estimate_leased" in farm.server.log_text(), "a round for a worker")
+                meanwhile(farm, worker)
+                farm.start_worker(threads=2)
+            self.assertEqual(self.results(farm, job), self.expected)
+            return farm.server.log_text(), worker.log_text()
+
+    def test_workers_estimate_rounds(self):
+        def finishes(_, worker):
+            wait_until(lambda: re.search("event=frame_finished .*kind=estimate", worker.log_text()), "its estimate")
+
+        log, _ = self.estimated_meanwhile(finishes)
+        self.assertNotIn("event=frame_came_back", log)
+
+    def test_a_worker_killed_in_an_estimate_costs_time_only(self):
+        self.estimated_meanwhile(lambda _, worker: worker.kill())
+
+    def test_a_worker_that_hangs_in_an_estimate_costs_time_only(self):
+        log, _ = self.estimated_meanwhile(lambda _, worker: worker.pause())
+        self.assertIn("event=frame_came_back", log)
+
+    def test_a_killed_coordinator_estimates_again(self):
+        def kills(farm, _):
+            farm.server.kill()
+            farm.restart_server()
+
+        self.estimated_meanwhile(kills)
+
+    def test_workers_finish_frames_whose_sampling_has_ended(self):
+        with self.farm() as (farm, _):
+            worker = farm.start_worker(threads=2)
+            for _ in range(20):  # the coordinator may keep up with what is rendered
+                self.assertEqual(self.results(farm, self.submit(farm)), self.expected)
+                if re.search("event=frame_finished .*kind=result", worker.log_text()):
+                    return
+            self.fail("no frame went to a worker during 20 jobs")
 
 
 class BlocksTest(unittest.TestCase):

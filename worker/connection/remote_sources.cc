@@ -152,7 +152,7 @@ class RemoteFrameLink final : public FrameLink {
     });
   }
 
-  absl::Status DeliverResult(const v1::Lease& lease, const v1::StageTimes& times,
+  absl::Status DeliverResult(const v1::Lease& lease, const v1::FrameReport& report,
                              absl::FunctionRef<absl::StatusOr<bool>(v1::ByteChunk*)> next) override {
     return Call(lease, [&](v1::WorkerService::Stub& stub, const std::string& worker_id,
                            grpc::ClientContext& context) {
@@ -163,7 +163,9 @@ class RemoteFrameLink final : public FrameLink {
       request.mutable_announce()->set_worker_id(worker_id);
       *request.mutable_announce()->mutable_unit() = lease.unit();
       request.mutable_announce()->set_attempt(lease.attempt());
-      *request.mutable_announce()->mutable_times() = times;
+      *request.mutable_announce()->mutable_times() = report.times();
+      if (report.has_estimated_error())
+        request.mutable_announce()->set_estimated_error(report.estimated_error());
       bool goes_on = writer->Write(request);
       while (goes_on) {
         const absl::StatusOr<bool> has_next = next(request.mutable_chunk());

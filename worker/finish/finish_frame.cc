@@ -5,15 +5,20 @@
 #include <algorithm>
 #include <cstdint>
 #include <new>
+#include <optional>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "filter/image/file_calls.h"
+#include "lumifold/v1/rounds.pb.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/sha256.h"
 #include "server/film/unit_log.h"
 #include "server/film/unit_records.h"
+#include "server/job/frame_rounds.h"
+#include "server/picture/filtered_round.h"
 #include "server/picture/make_picture.h"
 #include "worker/finish/memory_files.h"
 #include "worker/scene/out_of_memory.h"
@@ -28,23 +33,57 @@ absl::Status CheckWanted(const UnitControl& control) {
   return control.stop ? absl::CancelledError("the frame is no longer wanted") : absl::OkStatus();
 }
 
-/// The records of the frame's units, as the coordinator sends them.
-absl::StatusOr<film::UnitRecords> Fetch(const v1::Lease& lease, FrameLink* link, UnitControl* control,
-                                        MemoryFiles* files, film::LevelSet* levels) {
+/// What the coordinator sends of a frame.
+struct FetchedFrame {
+  film::UnitRecords units;
+  film::LevelSet levels;
+  std::optional<job::FrameRounds> rounds;  // with adaptive sampling
+};
+
+/// Takes the record of rounds off the end of the file with the units.
+absl::StatusOr<job::FrameRounds> TakeRounds(const v1::JobSpec& spec, uint64_t units_bytes,
+                                            uint64_t rounds_bytes, MemoryFiles* files) {
+  const rpc::FileHandle file(files->Open(kUnits, O_RDWR));
+  std::string bytes(rounds_bytes, '\0');
+  const int64_t count = ReadAt(file.get(), units_bytes, bytes.data(), bytes.size());
+  if (count < 0) return FileError(kUnits, count);
+  v1::RoundEstimates rounds;
+  if (static_cast<uint64_t>(count) < rounds_bytes || !rounds.ParseFromString(bytes))
+    return absl::DataLossError("the record of the frame's rounds cannot be read");
+  if (const int error = files->Truncate(file.get(), units_bytes); error != 0) return FileError(kUnits, error);
+  return job::FrameRounds::Replay(spec, rounds);
+}
+
+absl::StatusOr<FetchedFrame> Fetch(const v1::JobSpec& spec, const v1::Lease& lease, FrameLink* link,
+                                   UnitControl* control, MemoryFiles* files) {
+  film::LevelSet levels;
+  uint64_t rounds_bytes = 0;
   absl::StatusOr<rpc::ByteReceiver> receiver = rpc::ByteReceiver::Open(kUnits, 0, files);
   if (!receiver.ok()) return receiver.status();
   const absl::Status fetched = link->FetchUnits(lease, [&](const v1::ByteChunk& chunk) {
     ++control->progress;
-    if (chunk.offset() == 0) *levels = film::LevelSet(chunk.film_levels());
+    if (chunk.offset() == 0) {
+      levels = film::LevelSet(chunk.film_levels());
+      rounds_bytes = std::min(chunk.rounds_bytes(), chunk.total_size());
+    }
     if (absl::Status status = CheckWanted(*control); !status.ok()) return status;
     return receiver->Add(chunk);
   });
   if (!fetched.ok()) return fetched;
   if (!receiver->IsComplete()) return absl::UnavailableError("the units of the frame ended early");
+  std::optional<job::FrameRounds> rounds;
+  if (spec.has_adaptive()) {
+    absl::StatusOr<job::FrameRounds> taken =
+        TakeRounds(spec, receiver->total_size() - rounds_bytes, rounds_bytes, files);
+    if (!taken.ok()) return taken.status();
+    rounds = *std::move(taken);
+  }
   absl::StatusOr<film::UnitLogReader> reader =
       film::UnitLogReader::OfFile(files->Take(kUnits), absl::StrCat("units of frame ", lease.unit().frame()));
   if (!reader.ok()) return reader.status();
-  return film::UnitRecords::Open(*std::move(reader));
+  absl::StatusOr<film::UnitRecords> units = film::UnitRecords::Open(*std::move(reader));
+  if (!units.ok()) return units.status();
+  return FetchedFrame{*std::move(units), levels, std::move(rounds)};
 }
 
 absl::StatusOr<std::string> Sha256Of(const rpc::FileHandle& file) {
@@ -58,17 +97,33 @@ absl::StatusOr<std::string> Sha256Of(const rpc::FileHandle& file) {
   }
 }
 
-/// The picture of a block, as the file kResult.
-absl::StatusOr<v1::FrameReport> FilterBlock(const server::CompleteFrame& frame, int block,
-                                            const film::LevelSet& levels, MemoryFiles* files) {
-  const absl::Time start = rpc::MonotonicNow();
+absl::StatusOr<std::string> FilterBlock(const server::CompleteFrame& frame, int block,
+                                        const film::LevelSet& levels) {
   if (block < 0 || block >= server::FrameBlocks(frame.spec).count())
     return absl::InvalidArgumentError("the frame has no such block");
-  const absl::StatusOr<std::string> picture = server::MakeBlock(frame, block, levels, /*pool=*/nullptr);
-  if (!picture.ok()) return picture.status();
+  return server::MakeBlock(frame, block, levels, /*pool=*/nullptr);
+}
+
+absl::StatusOr<std::string> EstimateRound(const server::CompleteFrame& frame, int round) {
+  if (frame.rounds == nullptr || round < 1 || round >= frame.rounds->count())
+    return absl::InvalidArgumentError("the frame has no such round");
+  const absl::StatusOr<std::vector<double>> errors =
+      server::EstimateErrors(frame.spec, frame.frame, *frame.rounds, round, frame.units, /*pool=*/nullptr);
+  if (!errors.ok()) return errors.status();
+  return server::BytesOfErrors(*errors);
+}
+
+/// What the coordinator makes a result of, as the file kResult.
+absl::StatusOr<v1::FrameReport> MakePart(const server::CompleteFrame& frame, const v1::UnitId& unit,
+                                         const film::LevelSet& levels, MemoryFiles* files) {
+  const absl::Time start = rpc::MonotonicNow();
+  const absl::StatusOr<std::string> made = unit.kind() == v1::UNIT_KIND_BLOCK
+                                               ? FilterBlock(frame, unit.tile(), levels)
+                                               : EstimateRound(frame, unit.pass());
+  if (!made.ok()) return made.status();
   const rpc::FileHandle file(files->Open(kResult, O_RDWR | O_CREAT));
   if (file.get() < 0) return FileError(kResult, file.get());
-  const std::string_view bytes = *picture;
+  const std::string_view bytes = *made;
   if (const int error = files->Write(file.get(), 0, {bytes}); error != 0) return FileError(kResult, error);
   v1::FrameReport report;
   report.mutable_times()->set_filter_seconds(absl::ToDoubleSeconds(rpc::MonotonicNow() - start));
@@ -78,20 +133,20 @@ absl::StatusOr<v1::FrameReport> FilterBlock(const server::CompleteFrame& frame, 
 absl::Status Finish(const v1::JobSpec& spec, const std::string& numeric_class, const v1::Lease& lease,
                     FrameLink* link, UnitControl* control) {
   MemoryFiles files;
-  film::LevelSet levels;
-  const absl::StatusOr<film::UnitRecords> units = Fetch(lease, link, control, &files, &levels);
-  if (!units.ok()) return units.status();
+  const absl::StatusOr<FetchedFrame> fetched = Fetch(spec, lease, link, control, &files);
+  if (!fetched.ok()) return fetched.status();
   const server::CompleteFrame frame = {.spec = spec,
                                        .frame = lease.unit().frame(),
                                        .numeric_class = numeric_class,
-                                       .units = *units,
+                                       .units = fetched->units,
+                                       .rounds = fetched->rounds.has_value() ? &*fetched->rounds : nullptr,
                                        .progress = [control](double share) {
                                          ++control->progress;
                                          control->filtered = share;
                                        }};
   const absl::StatusOr<v1::FrameReport> report =
-      lease.unit().kind() == v1::UNIT_KIND_BLOCK
-          ? FilterBlock(frame, lease.unit().tile(), levels, &files)
+      lease.unit().kind() != v1::UNIT_KIND_RESULT
+          ? MakePart(frame, lease.unit(), fetched->levels, &files)
           : server::MakePicture(
                 frame,
                 {.path = kResult, .files = &files, .may_commit = [&] { return CheckWanted(*control); }},
@@ -104,7 +159,7 @@ absl::Status Finish(const v1::JobSpec& spec, const std::string& numeric_class, c
   absl::StatusOr<rpc::ByteSender> sender = rpc::ByteSender::OfFile(std::move(result), kResult, 0);
   if (!sender.ok()) return sender.status();
   sender->SetSha256(*std::move(sha256));
-  return link->DeliverResult(lease, report->times(), [&](v1::ByteChunk* chunk) -> absl::StatusOr<bool> {
+  return link->DeliverResult(lease, *report, [&](v1::ByteChunk* chunk) -> absl::StatusOr<bool> {
     ++control->progress;
     if (absl::Status status = CheckWanted(*control); !status.ok()) return status;
     return sender->Next(chunk);

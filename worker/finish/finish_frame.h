@@ -10,10 +10,11 @@
 
 namespace lumifold::worker {
 
-/// Fetches the units of a leased frame, makes its result on this thread and delivers it: the bytes are those
-/// that the coordinator would write. No file is written; units and result lie in memory.
+/// Fetches the units of a leased frame, makes its result on this thread and delivers it, or a block of it, or
+/// the errors of one of its rounds: the bytes are those that the coordinator would write. No file is written;
+/// units and result lie in memory.
 /// `numeric_class`: that of the worker, which is the job's.
-/// Errors: those of FrameLink and MakePicture; kResourceExhausted without memory; kCancelled once
+/// Errors: those of FrameLink, MakePicture and job::FrameRounds::Replay; kResourceExhausted without memory; kCancelled once
 /// control->stop is true, between its stages.
 /// Threads: safe concurrently.
 absl::Status FinishFrame(const v1::JobSpec& spec, const std::string& numeric_class, const v1::Lease& lease,

@@ -21,8 +21,9 @@ class FrameLink {
   virtual absl::Status FetchUnits(const v1::Lease& lease,
                                   absl::FunctionRef<absl::Status(const v1::ByteChunk&)> take) = 0;
   /// Delivers its result; `next` fills the pieces, as rpc::ByteSender::Next. OK: it is committed.
+  /// Of `report` its times and the estimated error are told.
   /// Errors: that of `next`; kAborted, kPermissionDenied where the lease is void; others as above.
-  virtual absl::Status DeliverResult(const v1::Lease& lease, const v1::StageTimes& times,
+  virtual absl::Status DeliverResult(const v1::Lease& lease, const v1::FrameReport& report,
                                      absl::FunctionRef<absl::StatusOr<bool>(v1::ByteChunk*)> next) = 0;
 };
 

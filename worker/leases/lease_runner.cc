@@ -28,6 +28,9 @@ std::string Describe(const v1::UnitId& unit) {
   if (unit.kind() == v1::UNIT_KIND_BLOCK)
     return absl::StrCat("job=", unit.job_id(), " frame=", unit.frame(), " block=", unit.tile(),
                         " kind=block");
+  if (unit.kind() == v1::UNIT_KIND_ESTIMATE)
+    return absl::StrCat("job=", unit.job_id(), " frame=", unit.frame(), " round=", unit.pass(),
+                        " kind=estimate");
   return absl::StrCat("job=", unit.job_id(), " frame=", unit.frame(), " tile=", unit.tile(),
                       " pass=", unit.pass(),
                       " kind=", unit.kind() == v1::UNIT_KIND_GEOMETRY ? "geometry" : "pass");
@@ -325,7 +328,9 @@ absl::Status LeaseRunner::TryUnguarded(const TakenPtr& taken) {
     return absl::OkStatus();
   }
   if (!spec.ok()) return spec.status();
-  if (unit.kind() == v1::UNIT_KIND_RESULT || unit.kind() == v1::UNIT_KIND_BLOCK) return Finish(taken, **spec);
+  if (unit.kind() == v1::UNIT_KIND_RESULT || unit.kind() == v1::UNIT_KIND_BLOCK ||
+      unit.kind() == v1::UNIT_KIND_ESTIMATE)
+    return Finish(taken, **spec);
   const absl::StatusOr<RenderedUnit> rendered = renderer_->Render(**spec, taken->lease, &taken->control);
   if (rendered.ok()) Deliver(taken, *rendered);
   return rendered.status();

@@ -104,16 +104,18 @@ std::string Echo(const TempFolder& folder) {
 TEST_F(ChildProcessFinisherTest, AChildIsToldWhatItIsToDo) {
   const std::unique_ptr<FrameFinisher> finisher =
       Child({.program = Echo(temp_), .store = "s", .memory_limit_bytes = 1 << 20});
-  const RoundToEstimate round = {.job = kJob,
-                                 .epoch = ledger::Epoch(7),
-                                 .frame = 4,
-                                 .round = 2,
-                                 .rendered = absl::Milliseconds(1500),
-                                 .samples = 64};
+  RoundToEstimate round = {.job = kJob,
+                           .epoch = ledger::Epoch(7),
+                           .frame = 4,
+                           .round = 2,
+                           .rendered = absl::Milliseconds(1500),
+                           .samples = 64};
   const std::string common = "arguments finish-frame " + folder_.root() + " 3 1048576 j-1 4 ";
-  EXPECT_EQ(finisher->Estimate(round, 3).status().message(), common + "2 1500 64 7  urgent, store s");
+  EXPECT_EQ(finisher->Estimate(round, 3).status().message(), common + "2 1500 64 7   urgent, store s");
+  round.filtered = absl::Milliseconds(2250);
+  EXPECT_EQ(finisher->Estimate(round, 3).status().message(), common + "2 1500 64 7  2.25 urgent, store s");
   EXPECT_EQ(finisher->Finish({kJob, ledger::Epoch(7)}, 4, 3, {5, 0}, nullptr).status().message(),
-            common + "-1 0 0 7 5,0 , store s");
+            common + "-1 0 0 7 5,0  , store s");
 }
 
 TEST_F(ChildProcessFinisherTest, AnEstimateGoesByTheTimeThatTheJobHasTaken) {

@@ -389,6 +389,59 @@ TEST_F(BlocksTest, OfUnitsThatWereTakenBackAreOfNoUse) {
   EXPECT_TRUE(queue_->waiting().front().blocks.done.empty());
 }
 
+class EstimatesTest : public FrameQueueTest {
+ protected:
+  EstimatesTest() {
+    Make({});
+    AddJob("j-1", "ann");
+    DueFrame frame = Frame("j-1", 1, 2);
+    frame.may_travel = true;
+    queue_->Push(frame);
+    const auto away = queue_->BeginAway(kQueueStart, [](const DueFrame&) { return job::WorkerId(7); });
+    part_ = away->part();
+  }
+  std::optional<RunningFrame> Away() {
+    return queue_->BeginAway(kQueueStart, [](const DueFrame&) { return job::WorkerId(7); });
+  }
+
+  FramePart part_;
+};
+
+TEST_F(EstimatesTest, AreMadeHereOfWhatAWorkerHasFiltered) {
+  EXPECT_EQ(part_.round, 2);
+  EXPECT_FALSE(queue_->Begin(kQueueStart).has_value());
+  queue_->End(part_, kQueueStart, /*block_seconds=*/3);
+  EXPECT_FALSE(Away().has_value());
+  const std::optional<RunningFrame> here = queue_->Begin(kQueueStart);
+  ASSERT_TRUE(here.has_value());
+  EXPECT_EQ(here->due.round, 2);
+  EXPECT_EQ(here->due.blocks.seconds, 3);
+  EXPECT_EQ(here->due.blocks.done.size(), 1u);
+  queue_->End(here->part(), kQueueStart);
+  EXPECT_TRUE(queue_->waiting().empty());
+}
+
+TEST_F(EstimatesTest, AWorkerThatFailsIsNotAskedAgain) {
+  queue_->ComeBack(part_, kQueueStart);
+  EXPECT_FALSE(Away().has_value());
+  EXPECT_TRUE(queue_->Begin(kQueueStart)->due.blocks.done.empty());
+}
+
+TEST_F(EstimatesTest, OfUnitsThatWereTakenBackAreOfNoUse) {
+  queue_->MarkStale(part_.frame);
+  queue_->End(part_, kQueueStart, 3);
+  EXPECT_TRUE(queue_->waiting().empty());
+  queue_->Push(Frame("j-1", 1, 2));
+  ASSERT_TRUE(queue_->Begin(kQueueStart).has_value());
+}
+
+TEST_F(EstimatesTest, OfAJobThatHasBegunAgainAreOfNoUse) {
+  queue_->ForgetJob(JobId("j-1"));
+  AddJob("j-1", "ann");
+  queue_->End(part_, kQueueStart, 3);
+  EXPECT_TRUE(queue_->waiting().empty());
+}
+
 /// Time that each job has had once the filter has worked for a while on one place.
 std::map<std::string, double> Shares(FrameQueue* queue, const std::map<std::string, absl::Duration>& lengths,
                                      absl::Duration total) {

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/types/span.h"
 #include "proto/rpc/checksum.h"
@@ -14,7 +16,9 @@
 #include "proto/rpc/sha256.h"
 #include "server/commit/unit_sender.h"
 #include "server/film/unit_film.h"
+#include "server/finish/estimate_round.h"
 #include "server/finish/finish_frame.h"
+#include "server/picture/filtered_round.h"
 #include "server/picture/make_picture.h"
 #include "tests/unit/server/committed_frame_fixture.h"
 #include "worker/finish/finish_frame.h"
@@ -32,7 +36,7 @@ class LocalLink final : public worker::FrameLink {
 
   absl::Status FetchUnits(const v1::Lease& /*lease*/,
                           absl::FunctionRef<absl::Status(const v1::ByteChunk&)> take) override {
-    UnitSender sender(open_(), film_levels);
+    UnitSender sender(open_(), film_levels, rounds);
     v1::ByteChunk chunk;
     while (true) {
       const absl::StatusOr<bool> has_next = sender.Next(&chunk);
@@ -42,9 +46,9 @@ class LocalLink final : public worker::FrameLink {
       if (absl::Status status = take(chunk); !status.ok()) return status;
     }
   }
-  absl::Status DeliverResult(const v1::Lease& /*lease*/, const v1::StageTimes& times,
+  absl::Status DeliverResult(const v1::Lease& /*lease*/, const v1::FrameReport& made,
                              absl::FunctionRef<absl::StatusOr<bool>(v1::ByteChunk*)> next) override {
-    filter_seconds = times.filter_seconds();
+    report = made;
     v1::ByteChunk chunk;
     while (true) {
       const absl::StatusOr<bool> has_next = next(&chunk);
@@ -57,9 +61,10 @@ class LocalLink final : public worker::FrameLink {
 
   std::function<void(v1::ByteChunk*)> damage;
   uint64_t film_levels = 0;
+  std::string rounds;
   std::string delivered;
   std::string sha256;
-  double filter_seconds = 0;
+  v1::FrameReport report;
 
  private:
   const std::function<CommittedUnits()> open_;
@@ -88,7 +93,7 @@ TEST_F(WorkerFinishTest, DeliversTheBytesThatTheCoordinatorWouldWrite) {
   ASSERT_TRUE(finished.ok()) << finished;
   EXPECT_EQ(link_.delivered, Result(job_));
   EXPECT_EQ(link_.sha256, rpc::Sha256Hex(link_.delivered));
-  EXPECT_GT(link_.filter_seconds, 0);
+  EXPECT_GT(link_.report.times().filter_seconds(), 0);
   EXPECT_GE(control_.progress, 3);
   EXPECT_GT(control_.filtered, 0.5);
 }
@@ -119,6 +124,91 @@ TEST_F(WorkerFinishTest, DeliversABlockOfALargeFrame) {
   lease.mutable_unit()->set_tile(4);
   EXPECT_EQ(worker::FinishFrame(record.spec, record.numeric_class, lease, &link, &control_).code(),
             absl::StatusCode::kInvalidArgument);
+}
+
+/// A frame whose three first rounds reach the target.
+class AdaptiveFinishTest : public CommittedFrameFixture {
+ protected:
+  AdaptiveFinishTest() {
+    v1::JobSpec spec = Spec(48, 32);
+    spec.set_samples_per_pixel(400);
+    spec.set_pass_samples(64);
+    spec.mutable_adaptive()->set_target_error(1e9);
+    Commit(job_, spec, /*is_forward=*/true,
+           [](const job::UnitKey& key) { return key.kind != v1::UNIT_KIND_PASS || key.pass <= 2; });
+    record_ = *store_->GetJob(job_);
+    blocks_ = ErrorBytesOf(record_.spec) / sizeof(double);
+  }
+
+  absl::Status Finish(v1::UnitKind kind, int round = 0) {
+    link_.rounds = Rounds().SerializeAsString();
+    v1::Lease lease;
+    lease.mutable_unit()->set_job_id(job_.value());
+    lease.mutable_unit()->set_kind(kind);
+    lease.mutable_unit()->set_pass(round);
+    return worker::FinishFrame(record_.spec, record_.numeric_class, lease, &link_, &control_);
+  }
+  /// By the coordinator; `filtered`: a worker has done that.
+  absl::Status Estimate(int round, bool filtered = false) {
+    RoundToEstimate what = {.job = job_, .epoch = {}, .frame = 0, .round = round};
+    if (filtered) what.filtered = absl::Seconds(1);
+    return EstimateRound(folder_, *store_, what, nullptr, [] { return absl::Now(); }).status();
+  }
+  v1::RoundEstimates Rounds() const { return *ReadEstimates(folder_.RoundsPath(job_, 0)); }
+  std::vector<double> ErrorsOfRound(int round) const {
+    const v1::RoundEstimate estimate = Rounds().estimates(round - 1);
+    return {estimate.errors().begin(), estimate.errors().end()};
+  }
+  void Write(const std::string& errors, int round) const {
+    EXPECT_TRUE(MakeFolder(folder_.ResultsPath(job_)).ok());
+    std::ofstream(folder_.ErrorsPath(job_, 0, round), std::ios::binary) << errors;
+  }
+
+  const JobId job_{"j-1"};
+  ledger::JobRecord record_;
+  size_t blocks_ = 0;
+  LocalLink link_{[this] { return *CommittedUnits::Open(folder_, *store_, record_, 0); }};
+  worker::UnitControl control_;
+};
+
+TEST_F(AdaptiveFinishTest, EstimatesAndResultAreThoseOfTheCoordinator) {
+  for (const int round : {1, 2}) {
+    link_.delivered.clear();
+    const absl::Status estimated = Finish(v1::UNIT_KIND_ESTIMATE, round);
+    ASSERT_TRUE(estimated.ok()) << estimated;
+    EXPECT_GT(link_.report.times().filter_seconds(), 0);
+    ASSERT_TRUE(Estimate(round).ok());
+    EXPECT_TRUE(link_.delivered == BytesOfErrors(ErrorsOfRound(round))) << round;
+  }
+  link_.delivered.clear();
+  const absl::StatusOr<v1::FrameReport> report =
+      FinishFrame(folder_, *store_, {job_, {}}, 0, nullptr, [] { return absl::Now(); });
+  ASSERT_TRUE(report.ok()) << report.status();
+  const absl::Status finished = Finish(v1::UNIT_KIND_RESULT);
+  ASSERT_TRUE(finished.ok()) << finished;
+  EXPECT_TRUE(link_.delivered == Result(job_));
+  EXPECT_TRUE(report->has_estimated_error());
+  EXPECT_EQ(link_.report.estimated_error(), report->estimated_error());
+}
+
+TEST_F(AdaptiveFinishTest, TheCoordinatorTakesTheErrorsOfAWorkerWhereTheyAreWhole) {
+  Write(BytesOfErrors(std::vector<double>(blocks_, 0.25)), 1);
+  ASSERT_TRUE(Estimate(1, /*filtered=*/true).ok());
+  EXPECT_EQ(ErrorsOfRound(1), std::vector<double>(blocks_, 0.25));
+  Write("too short", 2);
+  ASSERT_TRUE(Estimate(2, /*filtered=*/true).ok());
+  EXPECT_EQ(ErrorsOfRound(2).size(), blocks_);
+  EXPECT_EQ(ErrorsOfBytes(std::string(8, '\xff'), 1).status().code(), absl::StatusCode::kDataLoss)
+      << "not a number";
+}
+
+TEST_F(AdaptiveFinishTest, ARecordOfRoundsThatIsDamagedIsNotUsed) {
+  link_.damage = [](v1::ByteChunk* chunk) { chunk->set_rounds_bytes(chunk->rounds_bytes() + 7); };
+  EXPECT_EQ(Finish(v1::UNIT_KIND_RESULT).code(), absl::StatusCode::kDataLoss);
+  EXPECT_EQ(Finish(v1::UNIT_KIND_ESTIMATE, 3).code(), absl::StatusCode::kDataLoss);
+  link_.damage = nullptr;
+  EXPECT_EQ(Finish(v1::UNIT_KIND_ESTIMATE, 3).code(), absl::StatusCode::kInvalidArgument) << "no such round";
+  EXPECT_EQ(link_.delivered, "");
 }
 
 TEST_F(WorkerFinishTest, UnitsThatAreDamagedOnTheirWayAreNotUsed) {

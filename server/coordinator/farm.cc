@@ -272,14 +272,13 @@ void Farm::QueueDue(const FrameKey& key) {
     frame.memory_bytes = PictureMemoryOf(active->record.spec);
     const v1::JobSpec& spec = active->record.spec;
     const bool is_of_workers_too = SharesPictureCode(scheduler.jobs().NumericClassOf(frame.job));
-    // An audit compares files. Blocks and estimates are none: those of audited jobs are made here.
-    const bool may_divide = is_of_workers_too && active->record.scheduling.audit_share() == 0;
     if (frame.round != DueFrame::kResult) {
-      frame.may_travel =
-          may_divide && scheduler.frames().RoundsOf(frame.job, frame.number)->NeedsPictureAt(kRaysOfSample);
+      // What follows from an estimate is not compared: those of audited jobs are made here.
+      frame.may_travel = is_of_workers_too && active->record.scheduling.audit_share() == 0 &&
+                         scheduler.frames().RoundsOf(frame.job, frame.number)->NeedsPictureAt(kRaysOfSample);
     } else if (const int blocks = FrameBlocks(spec).count(); blocks == 1 || spec.has_adaptive()) {
       frame.may_travel = is_of_workers_too;
-    } else if (may_divide) {
+    } else if (is_of_workers_too) {
       frame.block_count = blocks;
     }
   }

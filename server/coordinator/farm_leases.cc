@@ -163,11 +163,11 @@ std::optional<RunningFrame> Farm::BeginFrame(absl::Time now) {
     return state == v1::WORKER_STATE_IDLE || state == v1::WORKER_STATE_BUSY;
   };
   TakeFramesBack(finish_leases.Expired(now, is_blocked), "expired");
-  const auto find_worker = [&](const DueFrame& due) -> std::optional<WorkerId> {
+  const auto find_worker = [&](const DueFrame& due, const Claims& claims) -> std::optional<WorkerId> {
     if (!scheduler.jobs().Has(due.job)) return std::nullopt;
     const auto may_finish = [&](WorkerId worker) {
       return is_available(worker) &&
-             std::none_of(due.claims.begin(), due.claims.end(), [&](const ClaimedResult& claim) {
+             std::none_of(claims.begin(), claims.end(), [&](const ClaimedResult& claim) {
                return claim.worker == workers.Find(worker)->name;
              });
     };

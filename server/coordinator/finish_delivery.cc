@@ -54,7 +54,7 @@ absl::StatusOr<NamedLease> FindLease(Farm* farm, const std::string& worker_id, c
   return lease;
 }
 
-std::vector<ClaimedResult> ClaimsOf(const FrameQueue& frames, const FramePart& part) {
+Claims ClaimsOf(const FrameQueue& frames, const FramePart& part) {
   for (const RunningFrame& frame : frames.running()) {
     if (frame.part() == part) return frame.due.claims;
   }
@@ -136,7 +136,8 @@ class ReceivedResult final : public ResultUpload {
     {
       FarmState::Change farm(state_);
       FinishLease* const lease = farm->finish_leases.Find(lease_.worker, lease_.part, lease_.attempt);
-      if (lease == nullptr || lease->is_delivered)
+      const bool is_stale = !lease_.part.IsResult() && farm->frames.IsStale(lease_.part.frame);
+      if (lease == nullptr || lease->is_delivered || is_stale)
         return absl::AbortedError("result: the lease has become void");
       lease->is_delivered = true;
     }
@@ -278,7 +279,7 @@ absl::StatusOr<std::unique_ptr<ResultUpload>> FinishDelivery::Receive(
                     .number = lease->part.frame.second,
                     .claims = ClaimsOf(farm->frames, lease->part)};
     const bool is_audited =
-        lease->part.IsResult() && scheduler::IsAudited(UnitOf(lease->part), job.scheduling.audit_share());
+        !lease->part.IsEstimate() && scheduler::IsAudited(UnitOf(lease->part), job.scheduling.audit_share());
     std::string audited = is_audited ? farm->workers.Find(lease->worker)->name : "";
     result = std::make_unique<ReceivedResult>(
         resources_, state_, finishing_, *std::move(lease), std::move(due), *std::move(report), bytes,

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "proto/logging/fields.h"
+#include "proto/rpc/sha256.h"
 #include "proto/threads/event.h"
 #include "server/film/result_digest.h"
 #include "server/finish/estimate_round.h"
@@ -63,21 +64,28 @@ void FrameFinishing::Run() {
   for (Running& running : running_) running.thread.join();
 }
 
-void FrameFinishing::FinishFrame(const RunningFrame& frame) {
+absl::StatusOr<v1::FrameReport> FrameFinishing::RunFinisher(const RunningFrame& frame) {
   FrameFinisher* const finisher = resources_->finisher;
   const DueFrame& due = frame.due;
-  const auto note = [&](double share) {
-    FarmState::Change farm(state_);
-    if (farm->frames.SetFiltered(frame.part(), share)) farm->watchers.MarkChanged(due.job);
-  };
-  absl::StatusOr<v1::FrameReport> report =
-      due.round == DueFrame::kResult
-          ? finisher->Finish(resources_->Owned(due.job), due.number, frame.threads, due.blocks.done, note)
-          : finisher->Estimate(
-                {due.job, resources_->owner.epoch, due.number, due.round, due.rendered, due.samples,
-                 due.blocks.done.empty() ? std::nullopt : std::optional(absl::Seconds(due.blocks.seconds))},
-                frame.threads);
-  if (report.ok()) JudgeClaims(due, *report);
+  const ledger::OwnedJob job = resources_->Owned(due.job);
+  if (frame.part().IsBlock()) return finisher->Filter(job, due.number, frame.block, frame.threads);
+  if (frame.part().IsResult()) {
+    return finisher->Finish(job, due.number, frame.threads, due.blocks.done, [&](double share) {
+      FarmState::Change farm(state_);
+      if (farm->frames.SetFiltered(frame.part(), share)) farm->watchers.MarkChanged(due.job);
+    });
+  }
+  return finisher->Estimate(
+      {due.job, job.epoch, due.number, due.round, due.rendered, due.samples,
+       due.blocks.done.empty() ? std::nullopt : std::optional(absl::Seconds(due.blocks.seconds))},
+      frame.threads);
+}
+
+void FrameFinishing::FinishFrame(const RunningFrame& frame) {
+  const DueFrame& due = frame.due;
+  absl::StatusOr<v1::FrameReport> report = RunFinisher(frame);
+  if (report.ok()) JudgeClaims(frame, *report);
+  if (frame.part().IsBlock()) return OnBlock(frame.part(), frame.threads, report);
   // Aborted: another coordinator has taken the job over, and finishes the frame.
   const bool is_dropped = absl::IsCancelled(report.status()) || absl::IsAborted(report.status());
   if (report.ok()) report->set_core_seconds(due.blocks.seconds + frame.threads * SumOf(report->times()));
@@ -89,10 +97,24 @@ void FrameFinishing::FinishFrame(const RunningFrame& frame) {
   FarmState::Change(state_)->frames.End(frame.part(), resources_->options.now());
 }
 
-void FrameFinishing::JudgeClaims(const DueFrame& frame, const v1::FrameReport& report) {
+void FrameFinishing::OnBlock(const FramePart& block, int threads,
+                             const absl::StatusOr<v1::FrameReport>& report) {
+  if (absl::IsUnavailable(report.status())) resources_->storage.Fail(report.status());
+  FarmState::Change farm(state_);
+  if (report.ok())
+    return farm->frames.End(block, resources_->options.now(), threads * SumOf(report->times()));
+  resources_->log().warn("event=frame_came_back unit={} worker=- reason={}",
+                         logging::Quoted(Describe(UnitOf(block))),
+                         logging::Quoted(report.status().message()));
+  farm->frames.ComeBack(block, resources_->options.now());
+}
+
+void FrameFinishing::JudgeClaims(const RunningFrame& running, const v1::FrameReport& report) {
+  const DueFrame& frame = running.due;
   if (frame.claims.empty()) return;
+  const std::string path = PathOf(resources_->folder, running.part());
   const absl::StatusOr<std::string> digest =
-      film::ResultDigest(resources_->folder.ResultPath(frame.job, frame.number));
+      running.part().IsBlock() ? rpc::Sha256HexOfFile(path) : film::ResultDigest(path);
   if (!digest.ok()) return;  // nothing to compare with
   const ClaimedResult made = {.worker = "", .sha256 = *digest, .estimated_error = EstimatedErrorOf(report)};
   FarmState::Change farm(state_);
@@ -100,8 +122,8 @@ void FrameFinishing::JudgeClaims(const DueFrame& frame, const v1::FrameReport& r
   for (const ClaimedResult& claim : frame.claims) {
     if (claim.Confirms(made)) continue;
     farm->scheduler.BlockFaulty(
-        claim.worker, absl::StrCat("it delivered another picture of frame ", frame.number, " of job ",
-                                   frame.job.value(), " than this coordinator has made"));
+        claim.worker, absl::StrCat("it delivered another picture of ", Describe(UnitOf(running.part())),
+                                   " than this coordinator has made"));
   }
 }
 

@@ -50,7 +50,10 @@ class FrameFinishing {
   void JoinEnded();
   void FinishFrame(const RunningFrame& frame);
   /// Finds the workers faulty that delivered another result of the frame than this coordinator has made.
-  void JudgeClaims(const DueFrame& frame, const v1::FrameReport& report);
+  void JudgeClaims(const RunningFrame& frame, const v1::FrameReport& report);
+  absl::StatusOr<v1::FrameReport> RunFinisher(const RunningFrame& frame);
+  /// This coordinator has filtered a block, or has failed.
+  void OnBlock(const FramePart& block, int threads, const absl::StatusOr<v1::FrameReport>& report);
   void RetryFrame(Farm* farm, DueFrame frame, const absl::Status& error);
   void AwaitStorage(Farm* farm, DueFrame frame, const absl::Status& error);
   /// Opens the rounds that the frame's record has.

@@ -15,6 +15,23 @@ constexpr double kPauseGrowth = 4;
 /// Longest pause before a frame that found the disk full is tried again.
 constexpr absl::Duration kLongestPause = absl::Minutes(1);
 
+/// Whether this coordinator alone may make what has these claims.
+bool IsDisputed(const Claims& claims) { return claims.size() >= kMostClaims; }
+
+/// The blocks that wait, the next one first; kWhole where none does.
+std::vector<int> PartsOf(const BlockProgress& blocks) {
+  if (blocks.waiting.empty()) return {FramePart::kWhole};
+  return {blocks.waiting.rbegin(), blocks.waiting.rend()};
+}
+
+/// The one that this coordinator takes: first what nobody else may have.
+int BlockForHere(const BlockProgress& blocks) {
+  const std::vector<int> parts = PartsOf(blocks);
+  const auto disputed =
+      std::find_if(parts.begin(), parts.end(), [&](int block) { return IsDisputed(blocks.ClaimsOf(block)); });
+  return disputed == parts.end() ? parts.front() : *disputed;
+}
+
 }  // namespace
 
 job::UnitRef UnitOf(const FramePart& part) {
@@ -86,18 +103,18 @@ std::deque<DueFrame>::iterator FrameQueue::FirstOf(int64_t job,
 
 std::optional<RunningFrame> FrameQueue::Begin(absl::Time now) {
   FindReady(now);
-  const auto may_begin = [&](const DueFrame& frame) { return MayBegin(frame, now); };
-  std::set<int64_t> passed;  // jobs of which blocks alone may begin
+  const auto is_ready = [&](const DueFrame& frame) { return IsReady(frame, now); };
+  std::set<int64_t> passed;  // jobs whose frames were taken back
   while (const std::optional<scheduler::FairShare::Candidate> first = share_.First(ready_, passed)) {
-    const auto due = FirstOf(first->job, may_begin);
+    const auto due = FirstOf(first->job, is_ready);
     if (due == waiting_.end()) {
       passed.insert(first->job);
       continue;
     }
     // Others do not overtake a frame that needs more memory than is left, or it would wait for ever.
     if (!HasRoom(*due, share_.UserOf(first->job))) return std::nullopt;
-    const auto ready = std::count_if(waiting_.begin(), waiting_.end(), may_begin);
-    return Start(*first, due, std::nullopt, ThreadsFor(*due, ready), now);
+    const auto ready = std::count_if(waiting_.begin(), waiting_.end(), is_ready);
+    return Start(*first, due, BlockForHere(due->blocks), std::nullopt, ThreadsFor(*due, ready), now);
   }
   return std::nullopt;
 }
@@ -106,40 +123,57 @@ void FrameQueue::OfferBlocks(absl::FunctionRef<bool(const DueFrame&)> has_worker
   for (DueFrame& frame : waiting_) {
     if (frame.block_count <= 1 || (frame.blocks.have_begun && frame.blocks.waiting.empty())) continue;
     if (!has_workers(frame)) {
-      frame.blocks.waiting.clear();
+      std::erase_if(frame.blocks.waiting, [&](int block) { return !frame.blocks.claims.contains(block); });
     } else if (!std::exchange(frame.blocks.have_begun, true)) {
       for (int block = frame.block_count; block > 0;) frame.blocks.waiting.push_back(--block);
     }
   }
 }
 
-std::optional<RunningFrame> FrameQueue::BeginAway(
-    absl::Time now, absl::FunctionRef<std::optional<job::WorkerId>(const DueFrame&)> find_worker) {
+bool FrameQueue::IsStaleHere(const FrameKey& frame) const {
+  return std::any_of(running_.begin(), running_.end(), [&](const RunningFrame& other) {
+    return other.due.key() == frame && other.is_stale && !other.worker.has_value();
+  });
+}
+
+bool FrameQueue::MayLeave(const DueFrame& frame, absl::Time now) const {
+  if (!IsReady(frame, now)) return false;
+  const std::vector<int>& blocks = frame.blocks.waiting;
+  return std::any_of(blocks.begin(), blocks.end(),
+                     [&](int block) { return !IsDisputed(frame.blocks.ClaimsOf(block)); }) ||
+         (blocks.empty() && frame.may_travel && !IsDisputed(frame.claims));
+}
+
+std::optional<RunningFrame> FrameQueue::BeginAway(absl::Time now, FindWorker find_worker) {
   FindReady(now);
   std::set<int64_t> passed;  // jobs whose frames stay here
   while (const std::optional<scheduler::FairShare::Candidate> first = share_.First(ready_, passed)) {
-    const auto due = FirstOf(first->job, [&](const DueFrame& frame) {
-      return !frame.blocks.waiting.empty() || (frame.may_travel && MayBegin(frame, now));
-    });
-    const std::optional<job::WorkerId> worker = due == waiting_.end() ? std::nullopt : find_worker(*due);
-    if (worker.has_value()) return Start(*first, due, worker, /*threads=*/1, now);
+    const auto due = FirstOf(first->job, [&](const DueFrame& frame) { return MayLeave(frame, now); });
+    if (due != waiting_.end()) {
+      for (const int part : PartsOf(due->blocks)) {
+        const Claims claims = part == FramePart::kWhole ? due->claims : due->blocks.ClaimsOf(part);
+        const auto worker = IsDisputed(claims) ? std::nullopt : find_worker(*due, claims);
+        if (worker.has_value()) return Start(*first, due, part, worker, /*threads=*/1, now);
+      }
+    }
     passed.insert(first->job);
   }
   return std::nullopt;
 }
 
 RunningFrame FrameQueue::Start(const scheduler::FairShare::Candidate& first,
-                               std::deque<DueFrame>::iterator due, std::optional<job::WorkerId> worker,
-                               int threads, absl::Time now) {
+                               std::deque<DueFrame>::iterator due, int block,
+                               std::optional<job::WorkerId> worker, int threads, absl::Time now) {
   RunningFrame frame = {.due = *due,
+                        .block = block,
                         .user = share_.UserOf(first.job),
                         .job_number = first.job,
                         .worker = worker,
                         .threads = threads,
                         .since = now};
-  if (worker.has_value() && !due->blocks.waiting.empty()) {
-    frame.block = due->blocks.waiting.back();
-    due->blocks.waiting.pop_back();
+  if (block != FramePart::kWhole) {
+    frame.due.claims = due->blocks.ClaimsOf(block);
+    std::erase(due->blocks.waiting, block);
     ++due->blocks.running;
   } else {
     waiting_.erase(due);
@@ -215,8 +249,15 @@ void FrameQueue::ComeBack(const FramePart& part, absl::Time now) {
 void FrameQueue::Audit(const FramePart& part, ClaimedResult claim, absl::Time now) {
   RunningFrame ended = Take(part, now);
   if (ended.is_stale || !numbers_.contains(part.frame.first)) return;
+  if (part.IsBlock()) {
+    const auto frame = FindWaiting(part.frame);
+    if (frame == waiting_.end()) return;
+    --frame->blocks.running;
+    frame->blocks.claims[part.block].push_back(std::move(claim));
+    frame->blocks.waiting.insert(frame->blocks.waiting.begin(), part.block);
+    return;
+  }
   ended.due.claims.push_back(std::move(claim));
-  ended.due.may_travel = ended.due.claims.size() == 1;
   waiting_.push_front(std::move(ended.due));
 }
 

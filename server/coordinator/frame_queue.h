@@ -41,23 +41,7 @@ FramePart PartOf(const job::UnitRef& unit);
 /// Whether a unit of this kind is leased so.
 bool IsOfFinishing(v1::UnitKind kind);
 
-/// How far the blocks of a frame are that workers filter side by side. The errors of a round that a worker has
-/// estimated count as its only block.
-struct BlockProgress {
-  bool have_begun = false;
-  /// Those that wait for a worker; the next one is the last.
-  std::vector<int> waiting;
-  int running = 0;
-  /// Those whose picture is here.
-  std::vector<int> done;
-  /// Seconds of one core that those took.
-  double seconds = 0;
-  int failures = 0;
-
-  bool IsOver() const { return waiting.empty() && running == 0; }
-};
-
-/// What a worker has delivered of a frame that is audited.
+/// What a worker has delivered of a frame, or of a block, that is audited.
 struct ClaimedResult {
   std::string worker;  // name
   std::string sha256;  // of the file
@@ -66,6 +50,30 @@ struct ClaimedResult {
   /// Whether another one has delivered the same.
   bool Confirms(const ClaimedResult& other) const {
     return sha256 == other.sha256 && estimated_error == other.estimated_error;
+  }
+};
+using Claims = std::vector<ClaimedResult>;
+/// Where so many differ this coordinator says who is right.
+inline constexpr size_t kMostClaims = 2;
+
+/// How far the blocks of a frame are that workers and this coordinator filter side by side. The errors of a
+/// round that a worker has estimated count as its only block.
+struct BlockProgress {
+  bool have_begun = false;
+  /// Those that wait for somebody; the next one is the last.
+  std::vector<int> waiting;
+  int running = 0;
+  /// Those whose picture is here.
+  std::vector<int> done;
+  std::map<int, Claims> claims{};
+  /// Seconds of one core that those took.
+  double seconds = 0;
+  int failures = 0;
+
+  bool IsOver() const { return waiting.empty() && running == 0; }
+  Claims ClaimsOf(int block) const {
+    const auto found = claims.find(block);
+    return found == claims.end() ? Claims() : found->second;
   }
 };
 
@@ -83,11 +91,11 @@ struct DueFrame {
   uint64_t memory_bytes = 0;
   /// A worker may finish it, too.
   bool may_travel = false;
-  /// More than 1: workers may filter so many blocks of it.
+  /// More than 1: its blocks may be filtered side by side, where a worker takes part.
   int block_count = 1;
   BlockProgress blocks{};
-  /// It is audited: this was delivered, and somebody else is to make it again.
-  std::vector<ClaimedResult> claims{};
+  /// It is audited: this was delivered, and somebody else is to make it again. Of a running block: its own.
+  Claims claims{};
   /// Number of times that finishing it has failed, and when it may be tried again.
   int failures = 0;
   /// Number of times that the storage could not be written meanwhile, which is no failure of the frame.
@@ -130,8 +138,8 @@ struct JobFrames {
 /// Users and jobs share the finisher as they share workers (scheduler::FairShare): what counts is the frames
 /// that are being finished and, once they are, the time of their threads. The frames of a job go in the order
 /// in which they became due. A frame alone gets all threads; of several, each gets its part. Frames for which
-/// this coordinator has no place go to workers that have one. A frame of several blocks waits while workers
-/// filter these, and then this coordinator makes the rest.
+/// this coordinator has no place go to workers that have one. The blocks of a frame of several are such frames,
+/// too, where workers can take any; once all are here this coordinator makes the result of them.
 /// Threads: one at a time.
 class FrameQueue {
  public:
@@ -153,11 +161,13 @@ class FrameQueue {
   bool TakeNews();
   /// Takes the frame that is to be finished next, if one may be now: it is running until End.
   std::optional<RunningFrame> Begin(absl::Time now);
-  /// The same for a worker, where Begin has none. `find_worker` has a place for a frame, or not.
-  std::optional<RunningFrame> BeginAway(
-      absl::Time now, absl::FunctionRef<std::optional<job::WorkerId>(const DueFrame&)> find_worker);
-  /// Of a frame that waits for its blocks `has_workers` says whether any worker could take one: then they
-  /// wait for workers, otherwise for nothing.
+  /// The same for a worker, where Begin has none. `find_worker` has a place for a frame, or for a block with
+  /// such claims, or not.
+  using FindWorker = absl::FunctionRef<std::optional<job::WorkerId>(const DueFrame&, const Claims&)>;
+  std::optional<RunningFrame> BeginAway(absl::Time now, FindWorker find_worker);
+  /// Of a frame of several blocks `has_workers` says whether any worker could take one: then they wait for
+  /// workers and this coordinator. Otherwise this coordinator filters what is missing with the result; those
+  /// that were claimed it filters before, and compares.
   void OfferBlocks(absl::FunctionRef<bool(const DueFrame&)> has_workers);
   /// Of what is running, as ComeBack. A block is done; it took so many seconds of one core. So is the filter
   /// of a round that a worker had: its estimate is queued again, for this coordinator.
@@ -165,8 +175,8 @@ class FrameQueue {
   /// Ends what a worker has not finished. A frame is queued again, for this coordinator; a block, for any
   /// worker.
   void ComeBack(const FramePart& part, absl::Time now);
-  /// A worker has delivered a frame that is audited: it is queued again for another one, or for this
-  /// coordinator where two differ.
+  /// A worker has delivered a frame or a block that is audited: it is queued again for another one, or for
+  /// this coordinator where two differ.
   void Audit(const FramePart& part, ClaimedResult claim, absl::Time now);
   /// When the next of those that may not be finished yet may be; InfiniteFuture if there is none.
   absl::Time NextDue(absl::Time now) const;
@@ -196,8 +206,12 @@ class FrameQueue {
   }
   /// Whether the frame, or a block of it, may begin.
   bool IsReady(const DueFrame& frame, absl::Time now) const {
-    return !frame.blocks.waiting.empty() || MayBegin(frame, now);
+    return (!frame.blocks.waiting.empty() && !IsStaleHere(frame.key())) || MayBegin(frame, now);
   }
+  /// A block of it is filtered here of units that were taken back: its file would replace a newer one.
+  bool IsStaleHere(const FrameKey& frame) const;
+  /// Whether it, or a block of it, may go to a worker.
+  bool MayLeave(const DueFrame& frame, absl::Time now) const;
   /// Jobs with a frame that may be finished now are ready for the next place.
   void FindReady(absl::Time now);
   /// It is running.
@@ -206,8 +220,9 @@ class FrameQueue {
   std::deque<DueFrame>::iterator FirstOf(int64_t job, absl::FunctionRef<bool(const DueFrame&)> condition);
   /// The frame whose blocks are being filtered; end() if it is not queued any more.
   std::deque<DueFrame>::iterator FindWaiting(const FrameKey& frame);
+  /// `block`: which of those that wait; kWhole: the frame.
   RunningFrame Start(const scheduler::FairShare::Candidate& first, std::deque<DueFrame>::iterator due,
-                     std::optional<job::WorkerId> worker, int threads, absl::Time now);
+                     int block, std::optional<job::WorkerId> worker, int threads, absl::Time now);
   /// Ends what is running; returns it.
   RunningFrame Take(const FramePart& part, absl::Time now);
   uint64_t MemoryOf(const DueFrame& frame) const;

@@ -9,6 +9,7 @@
 #include "filter/image/file_io.h"
 #include "server/commit/committed_units.h"
 #include "server/film/result_digest.h"
+#include "server/film/unit_film.h"
 #include "server/finish/estimate_round.h"
 #include "server/picture/make_picture.h"
 
@@ -53,6 +54,31 @@ absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::Jo
   if (!report.ok()) return report;
   const absl::StatusOr<std::string> digest = film::MakeResultDigest(path, folder.files());
   if (!digest.ok()) return digest.status();
+  return report;
+}
+
+absl::StatusOr<v1::FrameReport> FilterBlock(const DataFolder& folder, ledger::JobStore& store,
+                                            const ledger::OwnedJob& owned, int32_t frame, int block,
+                                            TaskPool* pool, const std::function<absl::Time()>& now) {
+  const absl::Time start = now();
+  const absl::StatusOr<ledger::JobRecord> job = store.GetJob(owned.job);
+  if (!job.ok()) return job.status();
+  const absl::StatusOr<CommittedUnits> units = CommittedUnits::Open(folder, store, *job, frame);
+  if (!units.ok()) return units.status();
+  const absl::StatusOr<film::UnitFilm> film = film::UnitFilm::Open(job->spec, frame, &*units, pool);
+  if (!film.ok()) return film.status();
+  const absl::StatusOr<std::string> picture =
+      MakeBlock({.spec = job->spec, .frame = frame, .numeric_class = job->numeric_class, .units = *units},
+                block, film->levels(), pool);
+  if (!picture.ok()) return picture.status();
+  if (absl::Status status = MakeFolder(folder.ResultsPath(owned.job), folder.files()); !status.ok())
+    return status;
+  if (absl::Status status = CheckOwner(store, owned); !status.ok()) return status;
+  const absl::Status written =
+      WriteFileAtomically(folder.BlockPath(owned.job, frame, block), *picture, folder.files());
+  if (!written.ok()) return written;
+  v1::FrameReport report;
+  report.mutable_times()->set_filter_seconds(absl::ToDoubleSeconds(now() - start));
   return report;
 }
 

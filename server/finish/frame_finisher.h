@@ -17,8 +17,8 @@
 
 namespace lumifold::server {
 
-/// Runs FinishFrame and EstimateRound, on so many threads.
-/// Threads: safe; a frame is finished once at a time.
+/// Runs FinishFrame, FilterBlock and EstimateRound, on so many threads.
+/// Threads: safe; a frame is finished once at a time, its blocks before.
 class FrameFinisher {
  public:
   virtual ~FrameFinisher() = default;
@@ -30,14 +30,19 @@ class FrameFinisher {
                                                  const std::vector<int>& blocks,
                                                  const FilterProgress& progress) = 0;
 
+  /// Writes the picture of one block of the frame to DataFolder::BlockPath; blocks.
+  /// Errors: as Finish.
+  virtual absl::StatusOr<v1::FrameReport> Filter(const ledger::OwnedJob& job, int32_t frame, int block,
+                                                 int threads) = 0;
+
   /// Adds the estimate of a round to the frame's record; blocks.
   /// Errors: as EstimateRound; otherwise as Finish.
   virtual absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) = 0;
 
-  /// Makes every running Finish or Estimate of this job return as soon as possible. No effect on later calls.
+  /// Makes every running call of this job return as soon as possible. No effect on later calls.
   virtual void CancelJob(const job::JobId& job) = 0;
 
-  /// Makes every running Finish or Estimate return as soon as possible, and every later call at once.
+  /// Makes every running call return as soon as possible, and every later call at once.
   virtual void Cancel() = 0;
 };
 

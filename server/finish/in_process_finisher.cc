@@ -21,6 +21,12 @@ class InProcessFinisher final : public FrameFinisher {
     return FinishFrame(folder_, *store_, job, frame, MakeTaskPool(threads).get(), now_, {}, blocks, progress);
   }
 
+  absl::StatusOr<v1::FrameReport> Filter(const ledger::OwnedJob& job, int32_t frame, int block,
+                                         int threads) override {
+    if (cancelled_) return absl::CancelledError("the coordinator is stopping");
+    return FilterBlock(folder_, *store_, job, frame, block, MakeTaskPool(threads).get(), now_);
+  }
+
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {
     if (cancelled_) return absl::CancelledError("the coordinator is stopping");
     return EstimateRound(folder_, *store_, round, MakeTaskPool(threads).get(), now_);

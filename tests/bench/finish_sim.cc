@@ -215,7 +215,7 @@ class Farm {
     while (true) {
       std::optional<RunningFrame> frame = queue_.Begin(Now());
       if (!frame.has_value()) {
-        frame = queue_.BeginAway(Now(), [this](const DueFrame&) {
+        frame = queue_.BeginAway(Now(), [this](const DueFrame&, const server::Claims&) {
           return leases_.FindPlace(kClass, kFrameBytes, [](job::WorkerId) { return true; });
         });
       }

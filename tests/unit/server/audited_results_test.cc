@@ -28,6 +28,10 @@ class GatedFinisher final : public FrameFinisher {
     gate_.WaitForNotification();
     return inner_->Finish(job, frame, threads, blocks, progress);
   }
+  absl::StatusOr<v1::FrameReport> Filter(const ledger::OwnedJob& job, int32_t frame, int block,
+                                         int threads) override {
+    return inner_->Filter(job, frame, block, threads);
+  }
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {
     return inner_->Estimate(round, threads);
   }

@@ -111,11 +111,13 @@ TEST_F(ChildProcessFinisherTest, AChildIsToldWhatItIsToDo) {
                            .rendered = absl::Milliseconds(1500),
                            .samples = 64};
   const std::string common = "arguments finish-frame " + folder_.root() + " 3 1048576 j-1 4 ";
-  EXPECT_EQ(finisher->Estimate(round, 3).status().message(), common + "2 1500 64 7   urgent, store s");
+  EXPECT_EQ(finisher->Estimate(round, 3).status().message(), common + "2 1500 64 7 -1   urgent, store s");
   round.filtered = absl::Milliseconds(2250);
-  EXPECT_EQ(finisher->Estimate(round, 3).status().message(), common + "2 1500 64 7  2.25 urgent, store s");
+  EXPECT_EQ(finisher->Estimate(round, 3).status().message(), common + "2 1500 64 7 -1  2.25 urgent, store s");
   EXPECT_EQ(finisher->Finish({kJob, ledger::Epoch(7)}, 4, 3, {5, 0}, nullptr).status().message(),
-            common + "-1 0 0 7 5,0  , store s");
+            common + "-1 0 0 7 -1 5,0  , store s");
+  EXPECT_EQ(finisher->Filter({kJob, ledger::Epoch(7)}, 4, 2, 3).status().message(),
+            common + "-1 0 0 7 2   , store s");
 }
 
 TEST_F(ChildProcessFinisherTest, AnEstimateGoesByTheTimeThatTheJobHasTaken) {

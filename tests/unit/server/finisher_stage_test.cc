@@ -44,6 +44,10 @@ class FailingFinisher final : public FrameFinisher {
     errors.pop_back();
     return error;
   }
+  absl::StatusOr<v1::FrameReport> Filter(const ledger::OwnedJob& owned, int32_t frame, int,
+                                         int threads) override {
+    return Finish(owned, frame, threads, {});
+  }
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {
     return Finish({round.job, round.epoch}, round.frame, threads, {}, nullptr);
   }

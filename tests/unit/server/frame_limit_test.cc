@@ -71,6 +71,10 @@ class SlowFinisher final : public FrameFinisher {
     --allowed_;
     return v1::FrameReport();
   }
+  absl::StatusOr<v1::FrameReport> Filter(const ledger::OwnedJob& owned, int32_t frame, int,
+                                         int threads) override {
+    return Finish(owned, frame, threads, {});
+  }
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {
     return Finish({round.job, round.epoch}, round.frame, threads, {}, nullptr);
   }

@@ -228,8 +228,9 @@ TEST_F(FrameQueueTest, FramesWithoutAPlaceHereGoToWorkersAndComeBackForThisCoord
   AddJob("j-2", "bob");
   Push("j-1", 1, 1);
   const auto away = [&](bool has_worker = true) {
-    return queue_->BeginAway(
-        kQueueStart, [&](const DueFrame&) { return has_worker ? std::optional(worker) : std::nullopt; });
+    return queue_->BeginAway(kQueueStart, [&](const DueFrame&, const Claims&) {
+      return has_worker ? std::optional(worker) : std::nullopt;
+    });
   };
   EXPECT_FALSE(away().has_value()) << "it may not travel";
   EXPECT_THAT(BeginAll(), ElementsAre(Pair("j-1", 1)));
@@ -270,7 +271,7 @@ TEST_F(FrameQueueTest, WhatAWorkerDeliveredOfAnAuditedFrameIsMadeAgainByAnother)
   queue_->Push(due);
   EXPECT_THAT(BeginAll(), ElementsAre(Pair("j-1", 1)));
   const auto away = [&] {
-    return queue_->BeginAway(kQueueStart, [](const DueFrame&) { return job::WorkerId(7); });
+    return queue_->BeginAway(kQueueStart, [](const DueFrame&, const Claims&) { return job::WorkerId(7); });
   };
   ASSERT_TRUE(away().has_value());
   queue_->Audit(part, {"ann", "one"}, kQueueStart);
@@ -303,7 +304,8 @@ class BlocksTest : public FrameQueueTest {
   }
   /// The block that a worker gets; -1: none.
   int Away() {
-    const auto begun = queue_->BeginAway(kQueueStart, [](const DueFrame&) { return job::WorkerId(7); });
+    const auto begun =
+        queue_->BeginAway(kQueueStart, [](const DueFrame&, const Claims&) { return job::WorkerId(7); });
     return begun.has_value() ? begun->block : -1;
   }
   static FramePart Block(int number) { return {kFrame, number}; }
@@ -389,6 +391,56 @@ TEST_F(BlocksTest, OfUnitsThatWereTakenBackAreOfNoUse) {
   EXPECT_TRUE(queue_->waiting().front().blocks.done.empty());
 }
 
+TEST_F(BlocksTest, ThisCoordinatorTakesSomeToo) {
+  Offer(true);
+  EXPECT_EQ(queue_->Begin(kQueueStart)->block, 0);
+  EXPECT_EQ(Away(), 1);
+  queue_->End(Block(0), kQueueStart, /*block_seconds=*/1);
+  EXPECT_EQ(queue_->Begin(kQueueStart)->block, 2);
+  queue_->End(Block(2), kQueueStart, /*block_seconds=*/1);
+  EXPECT_FALSE(queue_->Begin(kQueueStart).has_value()) << "a worker has the last one";
+  queue_->End(Block(1), kQueueStart, /*block_seconds=*/1);
+  EXPECT_THAT(queue_->Begin(kQueueStart)->due.blocks.done, ElementsAre(0, 2, 1));
+}
+
+TEST_F(BlocksTest, OfAnAuditAreComparedByAnotherWorker) {
+  Offer(true);
+  ASSERT_EQ(Away(), 0);
+  queue_->Audit(Block(0), {"ann", "a"}, kQueueStart);
+  EXPECT_EQ(Away(), 1) << "those that nobody has made come first";
+  EXPECT_EQ(Away(), 2);
+  std::vector<std::string> claimed;
+  const auto begun = queue_->BeginAway(kQueueStart, [&](const DueFrame&, const Claims& claims) {
+    for (const ClaimedResult& claim : claims) claimed.push_back(claim.worker);
+    return job::WorkerId(8);
+  });
+  ASSERT_TRUE(begun.has_value());
+  EXPECT_EQ(begun->block, 0);
+  EXPECT_THAT(claimed, ElementsAre("ann"));
+  ASSERT_EQ(begun->due.claims.size(), 1u);
+  EXPECT_EQ(begun->due.claims[0].sha256, "a");
+}
+
+TEST_F(BlocksTest, WhereTwoDifferThisCoordinatorMakesTheBlock) {
+  Offer(true);
+  ASSERT_EQ(Away(), 0);
+  queue_->Audit(Block(0), {"ann", "a"}, kQueueStart);
+  for (const int other : {1, 2}) {
+    ASSERT_EQ(Away(), other);
+    queue_->End(Block(other), kQueueStart);
+  }
+  ASSERT_EQ(Away(), 0);
+  queue_->Audit(Block(0), {"ben", "b"}, kQueueStart);
+  EXPECT_EQ(Away(), -1);
+  Offer(false);  // also when the workers have gone
+  const std::optional<RunningFrame> here = queue_->Begin(kQueueStart);
+  ASSERT_TRUE(here.has_value());
+  EXPECT_EQ(here->block, 0);
+  EXPECT_EQ(here->due.claims.size(), 2u);
+  queue_->End(Block(0), kQueueStart);
+  EXPECT_THAT(queue_->Begin(kQueueStart)->due.blocks.done, ElementsAre(1, 2, 0));
+}
+
 class EstimatesTest : public FrameQueueTest {
  protected:
   EstimatesTest() {
@@ -397,11 +449,12 @@ class EstimatesTest : public FrameQueueTest {
     DueFrame frame = Frame("j-1", 1, 2);
     frame.may_travel = true;
     queue_->Push(frame);
-    const auto away = queue_->BeginAway(kQueueStart, [](const DueFrame&) { return job::WorkerId(7); });
+    const auto away =
+        queue_->BeginAway(kQueueStart, [](const DueFrame&, const Claims&) { return job::WorkerId(7); });
     part_ = away->part();
   }
   std::optional<RunningFrame> Away() {
-    return queue_->BeginAway(kQueueStart, [](const DueFrame&) { return job::WorkerId(7); });
+    return queue_->BeginAway(kQueueStart, [](const DueFrame&, const Claims&) { return job::WorkerId(7); });
   }
 
   FramePart part_;

@@ -121,6 +121,11 @@ TEST_F(WorkerFinishTest, DeliversABlockOfALargeFrame) {
   ASSERT_TRUE(finished.ok()) << finished;
   EXPECT_EQ(link.delivered,
             *MakeBlock({.spec = record.spec, .numeric_class = "", .units = units}, 3, levels, nullptr));
+  const absl::StatusOr<v1::FrameReport> here =
+      FilterBlock(folder_, *store_, {job, {}}, 0, 3, nullptr, [] { return absl::Now(); });
+  ASSERT_TRUE(here.ok()) << here.status();
+  std::ifstream file(folder_.BlockPath(job, 0, 3), std::ios::binary);
+  EXPECT_TRUE(std::string(std::istreambuf_iterator<char>(file), {}) == link.delivered);
   lease.mutable_unit()->set_tile(4);
   EXPECT_EQ(worker::FinishFrame(record.spec, record.numeric_class, lease, &link, &control_).code(),
             absl::StatusCode::kInvalidArgument);
@@ -130,7 +135,7 @@ TEST_F(WorkerFinishTest, DeliversABlockOfALargeFrame) {
 class AdaptiveFinishTest : public CommittedFrameFixture {
  protected:
   AdaptiveFinishTest() {
-    v1::JobSpec spec = Spec(48, 32);
+    v1::JobSpec spec = Spec(24, 16);
     spec.set_samples_per_pixel(400);
     spec.set_pass_samples(64);
     spec.mutable_adaptive()->set_target_error(1e9);

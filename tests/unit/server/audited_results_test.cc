@@ -9,6 +9,7 @@
 #include "absl/synchronization/notification.h"
 #include "proto/rpc/monotonic.h"
 #include "server/job/job_state.h"
+#include "server/picture/make_picture.h"
 #include "tests/unit/server/coordinator_fixture.h"
 
 namespace lumifold::server {
@@ -139,6 +140,38 @@ TEST_F(AuditedResultsTest, WhereTwoDifferTheCoordinatorSaysWhoLied) {
   EXPECT_EQ(Result(job_), Result(other_)) << "the same units";
   Await([&] { return Blocked().size() == 2; });
   EXPECT_THAT(Blocked(), ElementsAre("carl", "dora"));
+}
+
+TEST_F(AuditedResultsTest, WhoLiesAboutABlockIsFound) {
+  ASSERT_TRUE(Cancel(job_).ok());
+  v1::JobSpec spec = Spec(513);  // four blocks
+  spec.set_tile_size(64);
+  const job::JobId wide = Submit(spec, "wide");
+  Render(wide);
+  const FrameBlocks blocks(spec);
+  const auto carl = Finisher("carl");
+  const auto dora = Finisher("dora");
+  int delivered = 0;
+  Await([&] {
+    for (PumpedWorker* const worker : {carl.get(), dora.get()}) {
+      if (worker->leases() == 0) continue;
+      const auto bytes = static_cast<size_t>(blocks.PictureBytes(worker->next().key.tile));
+      const std::string picture(bytes, worker == carl.get() ? 'c' : 'd');
+      EXPECT_TRUE(worker->DeliverResult(coordinator_.get(), picture).ok());
+      ++delivered;
+    }
+    return delivered == 2 * blocks.count();
+  });
+  EXPECT_FALSE(IsDone(wide));
+  gate_->Open();
+  Await([&] { return IsDone(wide); });
+  Await([&] { return Blocked().size() == 2; });
+  EXPECT_THAT(Blocked(), ElementsAre("carl", "dora"));
+  scheduling_.set_audit_share(0);
+  const job::JobId alone = Submit(spec, "alone");
+  Render(alone);
+  Await([&] { return IsDone(alone); });
+  EXPECT_TRUE(Result(wide) == Result(alone));
 }
 
 TEST_F(AuditedResultsTest, WithoutAnotherWorkerTheCoordinatorComparesItself) {

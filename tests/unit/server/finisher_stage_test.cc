@@ -46,7 +46,7 @@ class FailingFinisher final : public FrameFinisher {
   }
   absl::StatusOr<v1::FrameReport> Filter(const ledger::OwnedJob& owned, int32_t frame, int,
                                          int threads) override {
-    return Finish(owned, frame, threads, {});
+    return Finish(owned, frame, threads, {}, nullptr);
   }
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {
     return Finish({round.job, round.epoch}, round.frame, threads, {}, nullptr);

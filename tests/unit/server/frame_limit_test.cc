@@ -73,7 +73,7 @@ class SlowFinisher final : public FrameFinisher {
   }
   absl::StatusOr<v1::FrameReport> Filter(const ledger::OwnedJob& owned, int32_t frame, int,
                                          int threads) override {
-    return Finish(owned, frame, threads, {});
+    return Finish(owned, frame, threads, {}, nullptr);
   }
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round, int threads) override {
     return Finish({round.job, round.epoch}, round.frame, threads, {}, nullptr);

@@ -8,13 +8,12 @@
 #include <vector>
 
 #include "filter/image/check.h"
+#include "filter/manifold/manifold_constants.h"
 
 namespace lumifold::filter {
 namespace {
 
 constexpr size_t kColors = 3;
-constexpr float kMostDeviations =
-    3;  // standard deviations of its samples from their mean at which a plane is read
 
 /// Position along one axis relative to the centre, in units.
 float PositionOf(int pixel, int size, float unit_px) {

@@ -27,6 +27,8 @@ inline constexpr double kLeastSpread = 1e-6;
 /// Approximate number of rows of cells that the axis of a cluster is measured on: all rows of a small
 /// picture, evenly spaced rows of a large one.
 inline constexpr int kAxisRows = 64;
+/// Standard deviations of its samples from their mean at which a fitted plane is read at most.
+inline constexpr float kMostDeviations = 3;
 /// Component k of the start vector of power iteration: fixed, so that results repeat, and parallel to no
 /// feature.
 inline double StartComponent(size_t k) {

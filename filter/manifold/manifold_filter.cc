@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "filter/manifold/first_order.h"
+#include "filter/manifold/manifold_device.h"
 #include "filter/manifold/manifold_tree.h"
 #include "filter/manifold/points.h"
 #include "filter/manifold/recursive.h"
@@ -286,6 +287,10 @@ ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& featu
   LUMIFOLD_CHECK(params.cell >= 0 && params.cell <= kBandRows && (params.cell & (params.cell - 1)) == 0);
   if (mask.width() == 0 || mask.height() == 0)
     return {MakePlanes(signals.size(), mask.width(), mask.height()), {}};
+  if (ManifoldDevice* const device = DeviceOf(pool)) {
+    if (auto result = device->Filter({signals, features, mask, params, reach, points}))
+      return *std::move(result);
+  }
   const bool has_signals = points != nullptr && !points->signals.empty();
   if (!params.is_first_order) {
     return Filter(signals, features, mask, params, reach, points,

@@ -38,25 +38,35 @@ ClusterSums AxisRows(const ClusterSums& sums) {
   return rows;
 }
 
-/// Covariance of the cells' mean features around the manifold, weighted by the cluster's weight in each cell.
-/// Row y of `sums` is row y * step of the manifold. Row-major d x d.
-std::vector<double> CellCovariance(const ClusterSums& sums, const Planes& eta, int step) {
+/// Entries of the lower triangle of a symmetric d x d matrix, row by row.
+constexpr size_t Pairs(size_t d) { return d * (d + 1) / 2; }
+
+/// Adds the part of row y of `sums`, which is row y * step of the manifold, to the covariance: the lower
+/// triangle, then the weight.
+void AddRowCovariance(const ClusterSums& sums, const Planes& eta, int step, int y,
+                      std::vector<double>* covariance) {
   const size_t d = eta.size();
-  std::vector<double> covariance(d * d, 0.0);
+  std::vector<double> row(covariance->size(), 0.0);
   std::vector<double> offset(d);
-  ForEachPixel(sums.weight.width(), sums.weight.height(), [&](int x, int y) {
+  for (int x = 0; x < sums.weight.width(); ++x) {
     const float weight = sums.weight.At(x, y);
-    if (weight < kLeastClusterMass) return;
+    row.back() += static_cast<double>(weight);
+    if (weight < kLeastClusterMass) continue;
     for (size_t k = 0; k < d; ++k)
       offset[k] = static_cast<double>(sums.weighted[k].At(x, y) / weight - eta[k].At(x, y * step));
+    size_t entry = 0;
     for (size_t i = 0; i < d; ++i) {
-      for (size_t j = 0; j <= i; ++j)
-        covariance[i * d + j] += static_cast<double>(weight) * offset[i] * offset[j];
+      for (size_t j = 0; j <= i; ++j) row[entry++] += static_cast<double>(weight) * offset[i] * offset[j];
     }
-  });
-  for (size_t i = 0; i < d; ++i) {
-    for (size_t j = i + 1; j < d; ++j) covariance[i * d + j] = covariance[j * d + i];
   }
+  for (size_t entry = 0; entry < row.size(); ++entry) (*covariance)[entry] += row[entry];
+}
+
+/// Covariance of the cells' mean features around the manifold, weighted by the cluster's weight in each cell;
+/// then the weight. Rows are summed first, so that another processor can have a task for each.
+std::vector<double> CellCovariance(const ClusterSums& sums, const Planes& eta, int step) {
+  std::vector<double> covariance(Pairs(eta.size()) + 1, 0.0);
+  for (int y = 0; y < sums.weight.height(); ++y) AddRowCovariance(sums, eta, step, y, &covariance);
   return covariance;
 }
 
@@ -68,26 +78,20 @@ void Normalise(std::vector<double>* v) {
   for (double& x : *v) x /= length;
 }
 
-double TotalWeight(const Plane& weight) {
-  double sum = 0;
-  ForEachPixel(weight.width(), weight.height(),
-               [&](int x, int y) { sum += static_cast<double>(weight.At(x, y)); });
-  return sum;
-}
-
-std::vector<float> SplitAxis(const std::vector<double>& covariance, double weight, size_t d, int iterations) {
+std::vector<float> SplitAxis(const std::vector<double>& covariance, size_t d, int iterations) {
+  const auto at = [&](size_t i, size_t j) { return covariance[i >= j ? Pairs(i) + j : Pairs(j) + i]; };
   std::vector<double> axis(d);
   double spread = 0;
   for (size_t k = 0; k < d; ++k) {
     axis[k] = StartComponent(k);
-    spread += covariance[k * d + k];
+    spread += at(k, k);
   }
-  if (!(spread > kLeastSpread * weight))
+  if (!(spread > kLeastSpread * covariance.back()))
     iterations = 0;  // all cells lie on the manifold: it has no principal axis
   for (int step = 0; step < iterations; ++step) {
     std::vector<double> next(d, 0.0);
     for (size_t i = 0; i < d; ++i) {
-      for (size_t j = 0; j < d; ++j) next[i] += covariance[i * d + j] * axis[j];
+      for (size_t j = 0; j < d; ++j) next[i] += at(i, j) * axis[j];
     }
     Normalise(&next);
     axis = next;
@@ -117,8 +121,8 @@ Manifold MakeManifold(ClusterSums sums, const Planes* parent, float sigma_cells,
     DivideByWeight(sums.weight, parent != nullptr ? &(*parent)[k] : nullptr, &manifold.eta[k]);
   });
   if (iterations > 0) {
-    manifold.axis = SplitAxis(CellCovariance(axis_rows, manifold.eta, axis_step),
-                              TotalWeight(axis_rows.weight), manifold.eta.size(), iterations);
+    manifold.axis =
+        SplitAxis(CellCovariance(axis_rows, manifold.eta, axis_step), manifold.eta.size(), iterations);
   }
   return manifold;
 }

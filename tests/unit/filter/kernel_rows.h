@@ -20,19 +20,19 @@ inline constexpr int kSteps[] = {1, 2, 4, 8, 16, 32, 64};
 inline constexpr size_t kRoom = kStripColumns + kRowPadding + kCellPadding + 2;
 inline constexpr size_t kPhasedRoom = kStripColumns + 64 * kRowPadding;  // each phase is padded
 
+/// Runs `check` with each instruction set that this program and this processor have.
+template <typename Check>
+void OnEachTarget(Check check) {
+  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    SCOPED_TRACE(hwy::TargetName(target));
+    check();
+  }
+  hwy::SetSupportedTargetsForTest(0);
+}
+
 class KernelTest : public testing::Test {
  protected:
-  /// Runs `check` with each instruction set that this program and this processor have.
-  template <typename Check>
-  void OnEachTarget(Check check) {
-    for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
-      hwy::SetSupportedTargetsForTest(target);
-      SCOPED_TRACE(hwy::TargetName(target));
-      check();
-    }
-    hwy::SetSupportedTargetsForTest(0);
-  }
-
   Row Random(size_t count = kRoom, float scale = 1.5f) {
     Row row(count);
     std::normal_distribution<float> normal(0.0f, scale);

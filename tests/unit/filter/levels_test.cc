@@ -9,42 +9,6 @@
 namespace lumifold::filter {
 namespace {
 
-// A mirror in the wall shows two lit surfaces that meet at column 48.
-
-constexpr Rect kMirrorRect = {30, 16, 66, 48};
-constexpr float kReflectance = 0.9f;
-
-float SeenInMirror(int x) { return x < 48 ? 1.0f : 0.25f; }
-
-void AddMirrorPixel(int x, int y, Noise* noise, LayeredImage* film) {
-  const auto channel = [&](std::string_view name) { return film->Get(layers::OfLevel(kMirror, name)); };
-  const float a = SeenInMirror(x) * (*noise)();
-  const float b = SeenInMirror(x) * (*noise)();
-  NoisyLayer(layers::OfLevel(kMirror, layers::kDirect), film).Set(x, y, a, b);
-  NoisyLayer(std::string(layers::kNoisy), film).Add(x, y, kReflectance * a, kReflectance * b);
-  Set(film->GetColor(layers::OfLevel(kMirror, layers::kAlbedo)), x, y, kReflectance);
-  for (const std::string_view name : {layers::kSamplesA, layers::kSamplesB, layers::kMask})
-    channel(name).At(x, y) = 1;
-  channel(x < 48 ? layers::kNormalX : layers::kNormalY).At(x, y) = 1;
-  channel(layers::kDistance).At(x, y) = x < 48 ? 4.0f : 6.0f;
-  film->Get(layers::kMask).At(x, y) = 0;
-}
-
-LayeredImage MirrorFilm() {
-  LayeredImage film = WallFilm();
-  AddHalved(layers::OfLevel(kMirror, layers::kDirect), &film);
-  AddHalved(layers::OfLevel(kMirror, layers::kIndirect), &film);
-  for (const std::string_view layer : layers::kLevelWhole) film.AddColor(layers::OfLevel(kMirror, layer));
-  for (const std::string_view name : {layers::kSamplesA, layers::kSamplesB})
-    film.Add(layers::OfLevel(kMirror, name));
-  for (const std::string& name : layers::LevelFeatureChannels(kMirror)) film.Add(name);
-  Noise noise;
-  for (int y = kMirrorRect.y0; y < kMirrorRect.y1; ++y) {
-    for (int x = kMirrorRect.x0; x < kMirrorRect.x1; ++x) AddMirrorPixel(x, y, &noise, &film);
-  }
-  return film;
-}
-
 double MirrorError(const ConstFloatView& picture) {
   double sum = 0;
   for (int y = kMirrorRect.y0; y < kMirrorRect.y1; ++y) {

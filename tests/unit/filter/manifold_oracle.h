@@ -4,8 +4,8 @@
 
 namespace lumifold::filter {
 
-/// ManifoldFilterAtPoints as an oracle: the same mathematics written plainly, one manifold at a time, whole
-/// planes in double, no bands.
+/// ManifoldFilterAtPoints by the kernels of filter/opencl/manifold.cl, compiled as C++ and run a work-item
+/// after another: the same bits.
 ManifoldResult ManifoldFilterOracle(const Planes& signals, const Planes& features, ConstFloatView mask,
                                     const ManifoldParams& params, float reach, const SlicePoints* points);
 

@@ -1,0 +1,34 @@
+#include "filter/manifold/manifold_device.h"
+
+#include <utility>
+
+namespace lumifold::filter {
+namespace {
+
+class PoolWithDevice final : public TaskPool {
+ public:
+  PoolWithDevice(std::unique_ptr<TaskPool> pool, std::shared_ptr<ManifoldDevice> device)
+      : pool_(std::move(pool)), device_(std::move(device)) {}
+
+  void Run(int64_t count, absl::FunctionRef<void(int64_t)> task) override { pool_->Run(count, task); }
+  int Width() const override { return pool_->Width(); }
+  ManifoldDevice* device() const { return device_.get(); }
+
+ private:
+  const std::unique_ptr<TaskPool> pool_;
+  const std::shared_ptr<ManifoldDevice> device_;
+};
+
+}  // namespace
+
+std::unique_ptr<TaskPool> WithDevice(std::unique_ptr<TaskPool> pool, std::shared_ptr<ManifoldDevice> device) {
+  if (device == nullptr) return pool;
+  return std::make_unique<PoolWithDevice>(std::move(pool), std::move(device));
+}
+
+ManifoldDevice* DeviceOf(TaskPool* pool) {
+  const auto* const with_device = dynamic_cast<const PoolWithDevice*>(pool);
+  return with_device == nullptr ? nullptr : with_device->device();
+}
+
+}  // namespace lumifold::filter

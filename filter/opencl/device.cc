@@ -1,0 +1,329 @@
+#include "filter/opencl/device.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <chrono>
+#include <cmath>
+#include <condition_variable>
+#include <cstring>
+#include <map>
+#include <mutex>
+#include <type_traits>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "filter/image/mix_bits.h"
+#include "filter/kernels/kernel_constants.h"
+#include "filter/manifold/manifold_constants.h"
+#include "filter/opencl/kernel_source.h"
+#include "filter/opencl/opencl_library.h"
+
+namespace lumifold::filter {
+namespace {
+
+/// Work-items of a group: a warp of every GPU, or two.
+constexpr size_t kGroup = 64;
+/// Within which the device has to do the work of one filtering; a frame of 1536 x 1536 pixels takes a GPU
+/// less than a second, and a processor that plays a device half a minute.
+constexpr std::chrono::minutes kTimeLimit(10);
+
+/// An object of OpenCL that is released at the end.
+template <typename T>
+using Held = std::unique_ptr<std::remove_pointer_t<T>, cl_int (*)(T)>;
+
+std::string TextOf(const OpenClLibrary& cl, cl_device_id device, cl_device_info what) {
+  std::array<char, 1024> text = {};
+  cl.clGetDeviceInfo(device, what, text.size() - 1, text.data(), nullptr);
+  return text.data();
+}
+template <typename T>
+T NumberOf(const OpenClLibrary& cl, cl_device_id device, cl_device_info what) {
+  T value = {};
+  cl.clGetDeviceInfo(device, what, sizeof(value), &value, nullptr);
+  return value;
+}
+
+std::string RefusalOf(const OpenClLibrary& cl, cl_device_id device) {
+  const auto single = NumberOf<cl_device_fp_config>(cl, device, CL_DEVICE_SINGLE_FP_CONFIG);
+  const auto doubles = NumberOf<cl_device_fp_config>(cl, device, CL_DEVICE_DOUBLE_FP_CONFIG);
+  if (NumberOf<cl_bool>(cl, device, CL_DEVICE_COMPILER_AVAILABLE) == CL_FALSE) return "it has no compiler";
+  if (NumberOf<cl_bool>(cl, device, CL_DEVICE_ENDIAN_LITTLE) == CL_FALSE) return "its numbers are big-endian";
+  if ((single & CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT) == 0)
+    return "it does not round quotients and roots correctly";
+  if ((single & CL_FP_DENORM) == 0) return "it has no denormal numbers";
+  if ((single & CL_FP_ROUND_TO_NEAREST) == 0) return "it does not round to nearest";
+  if ((doubles & CL_FP_DENORM) == 0) return "it has no double precision";
+  return "";
+}
+
+std::vector<cl_device_id> FindDevices(const OpenClLibrary& cl) {
+  std::array<cl_platform_id, 16> platforms = {};
+  cl_uint platform_count = 0;
+  std::vector<cl_device_id> found;
+  if (cl.clGetPlatformIDs(platforms.size(), platforms.data(), &platform_count) != CL_SUCCESS) return found;
+  for (size_t i = 0; i < std::min<size_t>(platform_count, platforms.size()); ++i) {
+    std::array<cl_device_id, 64> devices = {};
+    cl_uint count = 0;
+    if (cl.clGetDeviceIDs(platforms[i], CL_DEVICE_TYPE_ALL, devices.size(), devices.data(), &count) !=
+        CL_SUCCESS)
+      continue;
+    found.insert(found.end(), devices.begin(), devices.begin() + std::min<size_t>(count, devices.size()));
+  }
+  return found;
+}
+
+/// Options of the compiler: how numbers round, and what manifold.cl asks for.
+std::string CompilerOptions(const KernelOptions& options) {
+  std::string text = absl::StrFormat(
+      "-cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt -DFEATURES=%d -DCHANNELS=%d -DFITS=%d -DSTEP=%d "
+      "-DMOST_FEATURES=%d -DMOST_PLANES=%d -DMOST_STEP=%d",
+      options.features, options.channels, options.fits ? 1 : 0, options.step, options.features,
+      options.planes(), options.step);
+  const std::pair<const char*, float> constants[] = {{"kFarthest", kFarthest},
+                                                     {"kSeam", kSeam},
+                                                     {"kSqrt2", kSqrt2},
+                                                     {"kLeastClusterMass", kLeastClusterMass},
+                                                     {"kParentMass", kParentMass},
+                                                     {"kLeastTotal", kLeastTotal},
+                                                     {"kLeastWeight", kLeastWeight},
+                                                     {"kMostDeviations", kMostDeviations}};
+  for (const auto& [name, value] : constants) absl::StrAppendFormat(&text, " -D%s=%af", name, value);
+  return text + absl::StrFormat(" -DkLeastSpread=%a", kLeastSpread);
+}
+
+/// Whether work has ended, told by a thread of the driver; it outlives whoever waits.
+struct Signal {
+  std::mutex mutex;
+  std::condition_variable changed;
+  bool has_ended = false;
+  cl_int status = CL_COMPLETE;
+};
+
+class OpenClRun final : public KernelRun {
+ public:
+  OpenClRun(const OpenClLibrary& cl, cl_context context, cl_command_queue queue, cl_program program)
+      : cl_(cl), context_(context), queue_(queue), program_(program) {}
+  ~OpenClRun() override {
+    if (is_hung_) return;  // what waits for a device that hangs would hang, too
+    for (cl_mem memory : buffers_) {
+      if (memory != nullptr) cl_.clReleaseMemObject(memory);
+    }
+  }
+
+  Buffer Allocate(size_t bytes) override {
+    cl_mem memory = nullptr;
+    if (status_.ok()) {
+      cl_int error = CL_SUCCESS;
+      memory = cl_.clCreateBuffer(context_, CL_MEM_READ_WRITE, std::max<size_t>(bytes, 1), nullptr, &error);
+      Note(error, "clCreateBuffer");
+    }
+    buffers_.push_back(memory);
+    return static_cast<Buffer>(buffers_.size() - 1);
+  }
+
+  void Write(Buffer to, size_t offset, const void* from, size_t bytes) override {
+    if (!status_.ok() || bytes == 0) return;
+    Note(cl_.clEnqueueWriteBuffer(queue_, MemoryOf(to), CL_TRUE, offset, bytes, from, 0, nullptr, nullptr),
+         "clEnqueueWriteBuffer");
+  }
+
+  void Run(const char* kernel, size_t items, std::initializer_list<Argument> arguments) override {
+    if (!status_.ok() || items == 0) return;
+    cl_int error = CL_SUCCESS;
+    const Held<cl_kernel> held(cl_.clCreateKernel(program_, kernel, &error), cl_.clReleaseKernel);
+    if (!Note(error, kernel)) return;
+    cl_uint index = 0;
+    for (const Argument& argument : arguments) {
+      const auto set = [&](const auto& value) {
+        return cl_.clSetKernelArg(held.get(), index++, sizeof(value), &value);
+      };
+      const auto set_any = [&](const auto& value) {
+        if constexpr (std::is_same_v<std::decay_t<decltype(value)>, Buffer>)
+          return set(MemoryOf(value));
+        else
+          return set(value);
+      };
+      if (!Note(std::visit(set_any, argument), kernel)) return;
+    }
+    const size_t global = (items + kGroup - 1) / kGroup * kGroup;
+    Note(cl_.clEnqueueNDRangeKernel(queue_, held.get(), 1, nullptr, &global, &kGroup, 0, nullptr, nullptr),
+         kernel);
+  }
+
+  absl::Status Finish() override {
+    if (!status_.ok()) return status_;
+    cl_event event = nullptr;
+    if (!Note(cl_.clEnqueueMarkerWithWaitList(queue_, 0, nullptr, &event), "clEnqueueMarkerWithWaitList"))
+      return status_;
+    const Held<cl_event> held(event, cl_.clReleaseEvent);
+    const auto signal = std::make_shared<Signal>();
+    auto* const shared = new std::shared_ptr<Signal>(signal);
+    const auto end = [](cl_event, cl_int status, void* data) {
+      const std::unique_ptr<std::shared_ptr<Signal>> own(static_cast<std::shared_ptr<Signal>*>(data));
+      const std::lock_guard lock((*own)->mutex);
+      (*own)->has_ended = true;
+      (*own)->status = status;
+      (*own)->changed.notify_all();
+    };
+    if (!Note(cl_.clSetEventCallback(event, CL_COMPLETE, end, shared), "clSetEventCallback")) {
+      delete shared;
+      return status_;
+    }
+    Note(cl_.clFlush(queue_), "clFlush");
+    std::unique_lock lock(signal->mutex);
+    if (!signal->changed.wait_for(lock, kTimeLimit, [&] { return signal->has_ended; })) {
+      is_hung_ = true;
+      status_ = absl::DeadlineExceededError("the device does not answer");
+    } else if (signal->status < 0) {
+      Note(signal->status, "the device");
+    }
+    return status_;
+  }
+
+  absl::Status Read(Buffer from, size_t offset, size_t bytes, void* to) override {
+    if (!status_.ok() || bytes == 0) return status_;
+    Note(cl_.clEnqueueReadBuffer(queue_, MemoryOf(from), CL_TRUE, offset, bytes, to, 0, nullptr, nullptr),
+         "clEnqueueReadBuffer");
+    return status_;
+  }
+
+ private:
+  bool Note(cl_int error, const char* what) {
+    status_.Update(OpenClStatus(error, what));
+    return status_.ok();
+  }
+  cl_mem MemoryOf(Buffer buffer) const { return buffers_[static_cast<size_t>(buffer)]; }
+
+  const OpenClLibrary& cl_;
+  const cl_context context_;
+  const cl_command_queue queue_;
+  const cl_program program_;
+  std::vector<cl_mem> buffers_;
+  absl::Status status_;
+  bool is_hung_ = false;
+};
+
+/// Runs the kernel Probe and compares with this processor.
+absl::Status CheckBits(KernelRun* run) {
+  constexpr int32_t kPairs = 4096;
+  std::vector<float> a, b;
+  for (uint32_t i = 0; i < kPairs; ++i) {  // from 2^-15 to 2^16, all bits of the mantissa
+    const auto number = [](uint32_t bits) { return std::bit_cast<float>((bits & 0x0fffffff) + 0x38000000); };
+    a.push_back(number(static_cast<uint32_t>(MixBits(2 * i))));
+    b.push_back(number(static_cast<uint32_t>(MixBits(2 * i + 1))));
+  }
+  std::vector<float> singles(4 * kPairs), found_singles(singles.size());
+  std::vector<double> doubles(3 * kPairs), found_doubles(doubles.size());
+  for (size_t i = 0; i < kPairs; ++i) {
+    const float product = a[i] * b[i];
+    const auto u = static_cast<double>(a[i]), v = static_cast<double>(b[i]);
+    const float expected[] = {a[i] / b[i], std::sqrt(a[i]), product + a[i], product * 1e-39f};
+    std::copy_n(expected, 4, singles.begin() + static_cast<std::ptrdiff_t>(4 * i));
+    const double wide[] = {u / v, std::sqrt(u), u * (v / 3.0) + u};
+    std::copy_n(wide, 3, doubles.begin() + static_cast<std::ptrdiff_t>(3 * i));
+  }
+  const size_t pair_bytes = kPairs * sizeof(float);
+  const KernelRun::Buffer device_a = run->Allocate(pair_bytes), device_b = run->Allocate(pair_bytes);
+  const size_t single_bytes = singles.size() * sizeof(float), double_bytes = doubles.size() * sizeof(double);
+  const KernelRun::Buffer device_singles = run->Allocate(single_bytes);
+  const KernelRun::Buffer device_doubles = run->Allocate(double_bytes);
+  run->Write(device_a, 0, a.data(), pair_bytes);
+  run->Write(device_b, 0, b.data(), pair_bytes);
+  run->Run("Probe", kPairs, {kPairs, device_a, device_b, device_singles, device_doubles});
+  absl::Status status = run->Finish();
+  if (status.ok()) status = run->Read(device_singles, 0, single_bytes, found_singles.data());
+  if (status.ok()) status = run->Read(device_doubles, 0, double_bytes, found_doubles.data());
+  if (!status.ok()) return status;
+  if (std::memcmp(singles.data(), found_singles.data(), single_bytes) == 0 &&
+      std::memcmp(doubles.data(), found_doubles.data(), double_bytes) == 0)
+    return absl::OkStatus();
+  return absl::FailedPreconditionError("its numbers differ from this processor's, against what it reports");
+}
+
+class OpenClDevice final : public Device {
+ public:
+  OpenClDevice(const OpenClLibrary& cl, cl_device_id device)
+      : cl_(cl),
+        device_(device),
+        context_(nullptr, cl.clReleaseContext),
+        queue_(nullptr, cl.clReleaseCommandQueue) {}
+
+  absl::Status Open() {
+    cl_int error = CL_SUCCESS;
+    context_.reset(cl_.clCreateContext(nullptr, 1, &device_, nullptr, nullptr, &error));
+    if (error != CL_SUCCESS) return OpenClStatus(error, "clCreateContext");
+    queue_.reset(cl_.clCreateCommandQueue(context_.get(), device_, 0, &error));
+    return OpenClStatus(error, "clCreateCommandQueue");
+  }
+
+  absl::StatusOr<std::unique_ptr<KernelRun>> Begin(const KernelOptions& options) override {
+    auto found = programs_.find(options);
+    if (found == programs_.end()) {
+      absl::StatusOr<Held<cl_program>> program = Build(options);
+      if (!program.ok()) return program.status();
+      OpenClRun probe(cl_, context_.get(), queue_.get(), program->get());
+      if (absl::Status status = CheckBits(&probe); !status.ok()) return status;
+      found = programs_.emplace(options, *std::move(program)).first;
+    }
+    return std::make_unique<OpenClRun>(cl_, context_.get(), queue_.get(), found->second.get());
+  }
+
+ private:
+  absl::StatusOr<Held<cl_program>> Build(const KernelOptions& options) const {
+    const char* source = kManifoldKernels;
+    cl_int error = CL_SUCCESS;
+    Held<cl_program> program(cl_.clCreateProgramWithSource(context_.get(), 1, &source, nullptr, &error),
+                             cl_.clReleaseProgram);
+    if (error != CL_SUCCESS) return OpenClStatus(error, "clCreateProgramWithSource");
+    error =
+        cl_.clBuildProgram(program.get(), 1, &device_, CompilerOptions(options).c_str(), nullptr, nullptr);
+    if (error == CL_SUCCESS) return program;
+    std::vector<char> log(size_t{1} << 14);
+    cl_.clGetProgramBuildInfo(program.get(), device_, CL_PROGRAM_BUILD_LOG, log.size() - 1, log.data(),
+                              nullptr);
+    return absl::InternalError(
+        absl::StrCat(OpenClStatus(error, "clBuildProgram").message(), "\n", log.data()));
+  }
+
+  const OpenClLibrary& cl_;
+  const cl_device_id device_;
+  Held<cl_context> context_;
+  Held<cl_command_queue> queue_;
+  std::map<KernelOptions, Held<cl_program>> programs_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::vector<DeviceInfo>> ListDevices() {
+  const absl::StatusOr<const OpenClLibrary*> library = LoadOpenCl();
+  if (!library.ok()) return library.status();
+  const OpenClLibrary& cl = **library;
+  std::vector<DeviceInfo> devices;
+  for (cl_device_id device : FindDevices(cl)) {
+    devices.push_back(
+        {.name = TextOf(cl, device, CL_DEVICE_NAME),
+         .driver = absl::StrCat(TextOf(cl, device, CL_DEVICE_VERSION), ", driver ",
+                                TextOf(cl, device, CL_DRIVER_VERSION)),
+         .is_gpu = (NumberOf<cl_device_type>(cl, device, CL_DEVICE_TYPE) & CL_DEVICE_TYPE_GPU) != 0,
+         .memory_bytes = NumberOf<cl_ulong>(cl, device, CL_DEVICE_GLOBAL_MEM_SIZE),
+         .refusal = RefusalOf(cl, device)});
+  }
+  return devices;
+}
+
+absl::StatusOr<std::unique_ptr<Device>> OpenDevice(size_t number) {
+  const absl::StatusOr<const OpenClLibrary*> library = LoadOpenCl();
+  if (!library.ok()) return library.status();
+  const std::vector<cl_device_id> devices = FindDevices(**library);
+  if (number >= devices.size())
+    return absl::OutOfRangeError(absl::StrCat("there is no device ", number, " of OpenCL"));
+  const std::string refusal = RefusalOf(**library, devices[number]);
+  if (!refusal.empty()) return absl::FailedPreconditionError(refusal);
+  auto device = std::make_unique<OpenClDevice>(**library, devices[number]);
+  if (absl::Status status = device->Open(); !status.ok()) return status;
+  return device;
+}
+
+}  // namespace lumifold::filter

@@ -1,0 +1,104 @@
+#include "filter/opencl/filter_device.h"
+
+#include <mutex>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "filter/opencl/device.h"
+#include "filter/opencl/manifold_run.h"
+
+namespace lumifold::filter {
+namespace {
+
+constexpr std::string_view kNumbered = "gpu:";
+
+class FilterDevice final : public ManifoldDevice {
+ public:
+  FilterDevice(std::string name, std::unique_ptr<Device> device, DeviceWarning warn)
+      : name_(std::move(name)), warn_(std::move(warn)), device_(std::move(device)) {}
+
+  std::optional<ManifoldResult> Filter(const ManifoldCall& call) override {
+    const std::lock_guard lock(mutex_);
+    if (has_failed_) return std::nullopt;
+    absl::StatusOr<ManifoldResult> result = Run(call);
+    if (result.ok()) return *std::move(result);
+    has_failed_ = true;
+    warn_(absl::StrCat(name_, " fails, this processor filters instead: ", result.status().message()));
+    return std::nullopt;
+  }
+
+ private:
+  absl::StatusOr<ManifoldResult> Run(const ManifoldCall& call) {
+    const absl::StatusOr<std::unique_ptr<KernelRun>> run = device_->Begin(KernelsOf(call));
+    if (!run.ok()) return run.status();
+    return RunManifolds(call, run->get());
+  }
+
+  const std::string name_;
+  const DeviceWarning warn_;
+  std::mutex mutex_;
+  const std::unique_ptr<Device> device_;  // used by one thread at a time
+  bool has_failed_ = false;
+};
+
+/// The number in "gpu:N"; nullopt for another word.
+std::optional<size_t> NumberIn(std::string_view choice) {
+  uint32_t number = 0;
+  if (choice.substr(0, kNumbered.size()) != kNumbered ||
+      !absl::SimpleAtoi(std::string(choice.substr(kNumbered.size())), &number))
+    return std::nullopt;
+  return number;
+}
+
+absl::StatusOr<size_t> FirstGpu(const std::vector<DeviceInfo>& devices) {
+  std::string refusals;
+  for (size_t i = 0; i < devices.size(); ++i) {
+    if (!devices[i].is_gpu) continue;
+    if (devices[i].refusal.empty()) return i;
+    absl::StrAppend(&refusals, "; ", devices[i].name, ": ", devices[i].refusal);
+  }
+  return absl::NotFoundError(
+      absl::StrCat("OpenCL has no GPU here that gives this processor's bits", refusals));
+}
+
+absl::StatusOr<std::shared_ptr<ManifoldDevice>> Open(std::string_view choice, DeviceWarning warn) {
+  const absl::StatusOr<std::vector<DeviceInfo>> devices = ListDevices();
+  if (!devices.ok()) return devices.status();
+  absl::StatusOr<size_t> number = 0;
+  if (const std::optional<size_t> named = NumberIn(choice))
+    number = *named;
+  else
+    number = FirstGpu(*devices);
+  if (!number.ok()) return number.status();
+  absl::StatusOr<std::unique_ptr<Device>> device = OpenDevice(*number);
+  if (!device.ok()) return device.status();
+  return MakeFilterDevice((*devices)[*number].name, *std::move(device), std::move(warn));
+}
+
+}  // namespace
+
+std::shared_ptr<ManifoldDevice> MakeFilterDevice(std::string name, std::unique_ptr<Device> device,
+                                                 DeviceWarning warn) {
+  return std::make_shared<FilterDevice>(std::move(name), std::move(device), std::move(warn));
+}
+
+absl::Status CheckDeviceChoice(std::string_view choice) {
+  if (choice == "auto" || choice == "cpu" || choice == "gpu" || NumberIn(choice).has_value())
+    return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("\"", std::string(choice), "\" is no device; there are: auto, cpu, gpu, gpu:N"));
+}
+
+absl::StatusOr<std::shared_ptr<ManifoldDevice>> OpenFilterDevice(std::string_view choice,
+                                                                 DeviceWarning warn) {
+  if (absl::Status status = CheckDeviceChoice(choice); !status.ok()) return status;
+  if (choice == "cpu") return nullptr;
+  absl::StatusOr<std::shared_ptr<ManifoldDevice>> device = Open(choice, std::move(warn));
+  if (!device.ok() && choice == "auto") return nullptr;
+  return device;
+}
+
+}  // namespace lumifold::filter

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <initializer_list>
+#include <variant>
+
+#include "absl/status/status.h"
+
+namespace lumifold::filter {
+
+/// What the kernels of manifold.cl are made for.
+struct KernelOptions {
+  int features = 1;
+  int channels = 3;   // of the signals
+  bool fits = false;  // planes: ManifoldParams::is_first_order
+  int step = 1;       // side of a cell, pixels
+
+  /// Signals that are splatted and then sliced, with the weight.
+  int planes() const { return fits ? 15 : channels + 1; }
+  auto operator<=>(const KernelOptions&) const = default;
+};
+
+/// As manifold.cl has it.
+struct Grid {
+  int32_t width, height;
+  int32_t columns, rows;
+};
+
+/// One use of the kernels: memory, and work in the order of the calls. After an error the calls do nothing.
+/// Threads: one.
+class KernelRun {
+ public:
+  enum class Buffer : size_t {};
+  using Argument = std::variant<Buffer, Grid, int32_t, float>;
+
+  virtual ~KernelRun() = default;
+
+  /// Memory of any value; `bytes` may be 0.
+  virtual Buffer Allocate(size_t bytes) = 0;
+  /// `from` may change after the call.
+  virtual void Write(Buffer to, size_t offset, const void* from, size_t bytes) = 0;
+  /// Runs `items` work-items of a kernel.
+  virtual void Run(const char* kernel, size_t items, std::initializer_list<Argument> arguments) = 0;
+  /// Waits for all work.
+  /// Errors: the first of all calls: kResourceExhausted for memory, kDeadlineExceeded for a device that does
+  ///         not answer, others of the device, naming the call.
+  virtual absl::Status Finish() = 0;
+  /// After Finish().
+  virtual absl::Status Read(Buffer from, size_t offset, size_t bytes, void* to) = 0;
+};
+
+}  // namespace lumifold::filter

@@ -1,0 +1,577 @@
+// ManifoldFilterAtPoints (filter/manifold/manifold_filter.h) for a device of OpenCL 1.2, a kernel a stage, with the bits of the
+// processor's code. The tests compile this file as C++, too: there it is the oracle of that code.
+//
+// The host defines, as numbers: FEATURES, CHANNELS (signals that are given), FITS (0 or 1: with positions, a plane is fitted),
+// STEP (side of a cell, a power of two); the constants of filter/manifold/manifold_constants.h and first_order.h by their names;
+// and for arrays MOST_FEATURES, MOST_PLANES and MOST_STEP, the greatest numbers.
+//
+// Layouts: planes of pixels one after another; of cells, all planes of a cell side by side, manifold by manifold. Work-items are
+// numbered along one dimension; those beyond the last do nothing. No sum crosses work-items.
+#ifdef __OPENCL_VERSION__
+#pragma OPENCL FP_CONTRACT OFF
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+#endif
+
+#define SIGNALS (CHANNELS + 2 * FITS)          // that are splatted: with x and y where planes are fitted
+#define RESULTS (FITS ? 14 : CHANNELS)         // that are sliced: the moments
+#define PLANES (RESULTS + 1)                   // and the weight
+#define PAIRS (FEATURES * (FEATURES + 1) / 2)  // entries of a symmetric matrix: its lower triangle
+#define ENTRIES (PAIRS + 1)                    // and the weight
+
+typedef struct {
+  int width, height;  // pixels
+  int columns, rows;  // cells
+} Grid;
+
+// A place between the centres of four cells, as a pixel has it.
+typedef struct {
+  int left, right, upper, lower;
+  float across, down;
+} Place;
+
+size_t PixelsOf(Grid grid) { return (size_t)grid.width * (size_t)grid.height; }
+size_t CellsOf(Grid grid) { return (size_t)grid.columns * (size_t)grid.rows; }
+
+// Exp of filter/image/portable_math.h for x <= 88.
+float Exp(float x) {
+  const float rounder = 12582912.0f;
+  const float clamped = x < -87.0f ? -87.0f : x;
+  const float shifted = clamped * 1.44269504f + rounder;
+  const float n = shifted - rounder;
+  const float r = (clamped - n * 0.693359375f) - n * -2.12194440e-4f;
+  float p = 1.9875691500e-4f;
+  p = p * r + 1.3981999507e-3f;
+  p = p * r + 8.3334519073e-3f;
+  p = p * r + 4.1665795894e-2f;
+  p = p * r + 1.6666665459e-1f;
+  p = p * r + 5.0000001201e-1f;
+  const float mantissa = (p * (r * r) + r) + 1.0f;
+  const int exponent = as_int(shifted) - as_int(rounder);
+  return x < -87.0f ? 0.0f : mantissa * as_float((exponent + 127) << 23);
+}
+
+float Least(float a, float b) { return b < a ? b : a; }
+float Greatest(float a, float b) { return a < b ? b : a; }
+
+Place PlaceOf(int x, int y, Grid grid) {
+  Place at;
+  if (STEP == 1) {
+    at.left = at.right = x;
+    at.upper = at.lower = y;
+    at.across = at.down = 0.0f;
+    return at;
+  }
+  const int from_x = x + STEP / 2,
+            from_y = y + STEP / 2;  // counted from the centre of the cell before the first
+  const int column = from_x / STEP - 1, row = from_y / STEP - 1;
+  at.across = ((float)(from_x & (STEP - 1)) + 0.5f) / (float)STEP;
+  at.down = ((float)(from_y & (STEP - 1)) + 0.5f) / (float)STEP;
+  at.left = column < 0 ? 0 : column;
+  at.right = column + 1 < grid.columns ? column + 1 : grid.columns - 1;
+  at.upper = row < 0 ? 0 : row;
+  at.lower = row + 1 < grid.rows ? row + 1 : grid.rows - 1;
+  return at;
+}
+
+// Plane k of the cells, each of `planes`, at a place.
+float Read(__global const float* cells, int planes, int k, Place at, Grid grid) {
+  const int upper = at.upper * grid.columns, lower = at.lower * grid.columns;
+  const float upper_left = cells[(size_t)(upper + at.left) * planes + k];
+  const float lower_left = cells[(size_t)(lower + at.left) * planes + k];
+  const float upper_right = cells[(size_t)(upper + at.right) * planes + k];
+  const float lower_right = cells[(size_t)(lower + at.right) * planes + k];
+  const float left = upper_left + at.down * (lower_left - upper_left);
+  const float right = upper_right + at.down * (lower_right - upper_right);
+  return left + at.across * (right - left);
+}
+
+// The position of a pixel on an axis, relative to the centre, in units.
+float PositionOf(int pixel, int size, float unit) { return ((float)pixel - 0.5f * (float)(size - 1)) / unit; }
+
+// Pixel i of a cell, row by row; -1: the picture ends before.
+int PixelOfCell(int cell, int i, Grid grid) {
+  const int x = cell % grid.columns * STEP + i % STEP;
+  const int y = cell / grid.columns * STEP + i / STEP;
+  return x < grid.width && y < grid.height ? y * grid.width + x : -1;
+}
+int AreaOf(int cell, Grid grid) {
+  const int columns = grid.width - cell % grid.columns * STEP,
+            rows = grid.height - cell / grid.columns * STEP;
+  return (columns < STEP ? columns : STEP) * (rows < STEP ? rows : STEP);
+}
+
+// The mean over a cell of mass * value: down each column, then pair by pair.
+float CellMean(const float* masses, const float* values, int area) {
+  float columns[MOST_STEP];
+  for (int i = 0; i < STEP; ++i) {
+    columns[i] = 0.0f;
+    for (int j = 0; j < STEP; ++j) columns[i] += masses[j * STEP + i] * values[j * STEP + i];
+  }
+  for (int left = STEP / 2; left > 0; left /= 2) {
+    for (int i = 0; i < left; ++i) columns[i] = columns[2 * i] + columns[2 * i + 1];
+  }
+  return columns[0] / (float)area;
+}
+
+// --- The tree of manifolds -------------------------------------------------------------------------------------------------
+
+// Of each cluster in each cell, the means of mass * feature and of mass. The root: labels are 0, masses the mask.
+__kernel void ClusterSums(Grid grid, int clusters, __global const float* features, __global const int* labels,
+                          __global const float* masses, __global float* sums) {
+  const size_t item = get_global_id(0);
+  if (item >= (size_t)clusters * CellsOf(grid)) return;
+  const int cell = (int)(item % CellsOf(grid)), cluster = (int)(item / CellsOf(grid));
+  float own[MOST_STEP * MOST_STEP], values[MOST_STEP * MOST_STEP];
+  int has_members = 0;
+  for (int i = 0; i < STEP * STEP; ++i) {
+    const int pixel = PixelOfCell(cell, i, grid);
+    const int is_own = pixel >= 0 && labels[pixel < 0 ? 0 : pixel] == cluster;
+    has_members |= is_own;
+    own[i] = is_own ? masses[pixel] : 0.0f;
+    values[i] = 1.0f;
+  }
+  __global float* to = sums + item * (FEATURES + 1);
+  if (!has_members) {
+    for (int k = 0; k <= FEATURES; ++k) to[k] = 0.0f;
+    return;
+  }
+  to[FEATURES] = CellMean(own, values, AreaOf(cell, grid));
+  for (int k = 0; k < FEATURES; ++k) {
+    for (int i = 0; i < STEP * STEP; ++i) {
+      const int pixel = PixelOfCell(cell, i, grid);
+      values[i] = pixel < 0 ? 0.0f : features[(size_t)k * PixelsOf(grid) + pixel];
+    }
+    to[k] = CellMean(own, values, AreaOf(cell, grid));
+  }
+}
+
+// The low-pass of one feedback coefficient along the rows of all planes of some images; a work-item a chain.
+__kernel void EvenRows(Grid grid, int images, float link, __global const float* from, __global float* to) {
+  const size_t item = get_global_id(0);
+  if (item >= (size_t)images * grid.rows * (FEATURES + 1)) return;
+  const size_t first = item / (FEATURES + 1) * grid.columns * (FEATURES + 1) + item % (FEATURES + 1);
+  float last = from[first];
+  to[first] = last;
+  for (int x = 1; x < grid.columns; ++x) {
+    const float value = from[first + x * (FEATURES + 1)];
+    last = value + link * (last - value);
+    to[first + x * (FEATURES + 1)] = last;
+  }
+  for (int x = grid.columns - 2; x >= 0; --x) {
+    const float value = to[first + x * (FEATURES + 1)];
+    last = value + link * (last - value);
+    to[first + x * (FEATURES + 1)] = last;
+  }
+}
+
+// Then along the columns, in place.
+__kernel void EvenColumns(Grid grid, int images, float link, __global float* cells) {
+  const size_t item = get_global_id(0);
+  const size_t row = (size_t)grid.columns * (FEATURES + 1);
+  if (item >= (size_t)images * row) return;
+  __global float* at = cells + item / row * grid.rows * row + item % row;
+  float last = at[0];
+  for (int y = 1; y < grid.rows; ++y) {
+    const float value = at[y * row];
+    last = value + link * (last - value);
+    at[y * row] = last;
+  }
+  for (int y = grid.rows - 2; y >= 0; --y) {
+    const float value = at[y * row];
+    last = value + link * (last - value);
+    at[y * row] = last;
+  }
+}
+
+// The manifolds from `first` on: low-passed features over low-passed weight, drawn to the parents, which begin at `parent`; the
+// root has none: -1.
+__kernel void Heights(Grid grid, int images, int first, int parent, __global const float* low,
+                      __global float* eta) {
+  const size_t item = get_global_id(0);
+  if (item >= (size_t)images * CellsOf(grid)) return;
+  const size_t image = item / CellsOf(grid), cell = item % CellsOf(grid);
+  const float drawn = parent < 0 ? 0.0f : kParentMass;
+  const float weight = low[item * (FEATURES + 1) + FEATURES] + drawn;
+  for (int k = 0; k < FEATURES; ++k) {
+    float sum = low[item * (FEATURES + 1) + k];
+    if (parent >= 0) sum += drawn * eta[((parent + image / 2) * CellsOf(grid) + cell) * FEATURES + k];
+    eta[((first + image) * CellsOf(grid) + cell) * FEATURES + k] =
+        weight < kLeastClusterMass ? 0.0f : sum / weight;
+  }
+}
+
+// Of every row_step-th row of cells its part of the covariance around the manifold, and its weight; a work-item an entry.
+__kernel void RowCovariance(Grid grid, int images, int first, int row_step, __global const float* sums,
+                            __global const float* eta, __global double* rows) {
+  const size_t item = get_global_id(0);
+  const int count = (grid.rows + row_step - 1) / row_step;
+  if (item >= (size_t)images * count * ENTRIES) return;
+  const int entry = (int)(item % ENTRIES), row = (int)(item / ENTRIES % count);
+  const size_t image = item / ENTRIES / count;
+  int i = 0, j = entry;
+  while (j > i) {
+    ++i;
+    j -= i;
+  }
+  double total = 0.0;
+  for (int x = 0; x < grid.columns; ++x) {
+    const size_t cell = (size_t)row * row_step * grid.columns + x;
+    __global const float* sum = sums + (image * CellsOf(grid) + cell) * (FEATURES + 1);
+    __global const float* mean = eta + ((first + image) * CellsOf(grid) + cell) * FEATURES;
+    const float weight = sum[FEATURES];
+    if (entry == PAIRS)
+      total += (double)weight;
+    else if (!(weight < kLeastClusterMass))
+      total += (double)weight * (double)(sum[i] / weight - mean[i]) * (double)(sum[j] / weight - mean[j]);
+  }
+  rows[item] = total;
+}
+
+// The sums over rows, in their order.
+__kernel void Covariance(Grid grid, int images, int row_step, __global const double* rows,
+                         __global double* covariance) {
+  const size_t item = get_global_id(0);
+  const int count = (grid.rows + row_step - 1) / row_step;
+  if (item >= (size_t)images * ENTRIES) return;
+  __global const double* at = rows + item / ENTRIES * count * ENTRIES + item % ENTRIES;
+  double total = 0.0;
+  for (int row = 0; row < count; ++row) total += at[row * ENTRIES];
+  covariance[item] = total;
+}
+
+// The principal axis by power iteration; a work-item a manifold.
+__kernel void Axis(int images, int iterations, __global const double* covariance, __global float* axes) {
+  const size_t image = get_global_id(0);
+  if (image >= (size_t)images) return;
+  __global const double* lower = covariance + image * ENTRIES;
+  double axis[MOST_FEATURES], next[MOST_FEATURES], spread = 0.0;
+  for (int k = 0; k < FEATURES; ++k) {
+    axis[k] = (k % 2 == 0 ? 0.5 : -0.5) * (1.0 + 0.13 * (double)k);
+    spread += lower[k * (k + 1) / 2 + k];
+  }
+  if (!(spread > kLeastSpread * lower[PAIRS])) iterations = 0;
+  for (int step = 0; step < iterations; ++step) {
+    double squares = 0.0;
+    for (int i = 0; i < FEATURES; ++i) {
+      next[i] = 0.0;
+      for (int j = 0; j < FEATURES; ++j)
+        next[i] += lower[i >= j ? i * (i + 1) / 2 + j : j * (j + 1) / 2 + i] * axis[j];
+    }
+    for (int i = 0; i < FEATURES; ++i) squares += next[i] * next[i];
+    const double length = squares > 0.0 ? sqrt(squares) : 1.0;
+    for (int i = 0; i < FEATURES; ++i) axis[i] = next[i] / length;
+  }
+  for (int k = 0; k < FEATURES; ++k) axes[image * FEATURES + k] = (float)axis[k];
+}
+
+// The weights of pixels on the `count` manifolds from `first` on. `splits`: each pixel goes into one of the two parts of its
+// cluster, with a mass.
+__kernel void Weigh(Grid grid, int count, int first, int splits, __global const float* features,
+                    __global const float* eta, __global const float* axes, __global float* members,
+                    __global int* labels, __global float* total, __global float* weights,
+                    __global float* masses) {
+  const size_t pixel = get_global_id(0);
+  if (pixel >= PixelsOf(grid)) return;
+  const Place at = PlaceOf((int)(pixel % grid.width), (int)(pixel / grid.width), grid);
+  float own_features[MOST_FEATURES];
+  for (int k = 0; k < FEATURES; ++k) own_features[k] = features[k * PixelsOf(grid) + pixel];
+  const int own = labels[pixel];
+  float sum = total[pixel], along = 0.0f, own_weight = 0.0f;
+  for (int m = 0; m < count; ++m) {
+    __global const float* heights = eta + (size_t)(first + m) * CellsOf(grid) * FEATURES;
+    const int is_split = splits && m == own;
+    float square = 0.0f;
+    for (int k = 0; k < FEATURES && (is_split || square < kFarthest); ++k) {
+      const float offset = own_features[k] - Read(heights, FEATURES, k, at, grid);
+      square += offset * offset;
+      if (is_split) along += axes[m * FEATURES + k] * offset;
+    }
+    const float weight = square < kFarthest ? Exp(-square) : 0.0f;
+    sum += weight;
+    own_weight = m == own ? weight : own_weight;
+    weights[(first + m) * PixelsOf(grid) + pixel] = weight;
+  }
+  total[pixel] = sum;
+  if (!splits) return;
+  const float member = members[pixel] * Least(1.0f, fabs(along) * (1.0f / kSeam));
+  members[pixel] = member;
+  labels[pixel] = 2 * own + (along >= 0.0f ? 1 : 0);
+  masses[pixel] = member * (1.0f - own_weight);
+}
+
+// --- Splat, blur and slice -------------------------------------------------------------------------------------------------
+
+// What pixels, or points, weigh in splats.
+__kernel void KeepMass(int count, __global const float* total, __global float* masses) {
+  const size_t item = get_global_id(0);
+  if (item < (size_t)count) masses[item] /= Least(1.0f, total[item]) + kLeastTotal;
+}
+
+// On all manifolds.
+__kernel void Splat(Grid grid, int manifolds, float unit, __global const float* signals,
+                    __global const float* masses, __global const float* weights, __global float* psi) {
+  const size_t item = get_global_id(0);
+  if (item >= (size_t)manifolds * CellsOf(grid)) return;
+  const int cell = (int)(item % CellsOf(grid));
+  __global const float* on_manifold = weights + item / CellsOf(grid) * PixelsOf(grid);
+  float own[MOST_STEP * MOST_STEP], values[MOST_STEP * MOST_STEP];
+  int has_weight = 0;
+  for (int i = 0; i < STEP * STEP; ++i) {
+    const int pixel = PixelOfCell(cell, i, grid);
+    const float weight = pixel < 0 ? 0.0f : on_manifold[pixel];
+    has_weight |= weight > 0.0f;
+    own[i] = pixel < 0 ? 0.0f : masses[pixel] * weight;
+    values[i] = 1.0f;
+  }
+  __global float* to = psi + item * PLANES;
+  if (!has_weight) {
+    for (int k = 0; k < PLANES; ++k) to[k] = 0.0f;
+    return;
+  }
+  to[RESULTS] = CellMean(own, values, AreaOf(cell, grid));
+  for (int k = 0; k < SIGNALS; ++k) {
+    for (int i = 0; i < STEP * STEP; ++i) {
+      const int pixel = PixelOfCell(cell, i, grid);
+      if (pixel < 0)
+        values[i] = 0.0f;
+      else if (k < CHANNELS)
+        values[i] = signals[(size_t)k * PixelsOf(grid) + pixel];
+      else if (k == CHANNELS)
+        values[i] = PositionOf(pixel % grid.width, grid.width, unit);
+      else
+        values[i] = PositionOf(pixel / grid.width, grid.height, unit);
+    }
+    to[k] = CellMean(own, values, AreaOf(cell, grid));
+  }
+}
+
+// The moments of the fit. A cell's light counts as if it were at the mean position of its pixels.
+__kernel void Moments(Grid grid, int manifolds, __global float* psi) {
+  const size_t item = get_global_id(0);
+  if (item >= (size_t)manifolds * CellsOf(grid)) return;
+  __global float* at = psi + item * PLANES;
+  const float weight = at[RESULTS];
+  const float inverse = weight >= 1.17549435e-38f ? 1.0f / weight : 0.0f;
+  const float sum_x = at[3], sum_y = at[4];
+  const float x = sum_x * inverse, y = sum_y * inverse;
+  for (int c = 0; c < 3; ++c) {
+    at[5 + c] = x * at[c];
+    at[8 + c] = y * at[c];
+  }
+  at[11] = x * sum_x;
+  at[12] = x * sum_y;
+  at[13] = y * sum_y;
+}
+
+// The links of each cell of each manifold with the cell to the left and the one above.
+__kernel void Links(Grid grid, int manifolds, float sigma, float stretch, __global const float* eta,
+                    __global float* across, __global float* down) {
+  const size_t item = get_global_id(0);
+  if (item >= (size_t)manifolds * CellsOf(grid)) return;
+  const int cell = (int)(item % CellsOf(grid));
+  __global const float* here = eta + item * FEATURES;
+  for (int i = 0; i < 2; ++i) {
+    const int before = i == 0 ? 1 : grid.columns;  // cells
+    const int has_before = i == 0 ? cell % grid.columns > 0 : cell >= grid.columns;
+    float square = 0.0f;
+    for (int k = 0; k < FEATURES && has_before; ++k) {
+      const float difference = here[k] - here[k - before * FEATURES];
+      square += difference * difference;
+    }
+    const float link = Exp((-kSqrt2 / sigma) * sqrt(1.0f + stretch * square));
+    if (i == 0)
+      across[item] = link;
+    else
+      down[item] = link;
+  }
+}
+
+// The blur along the rows of all planes of all manifolds, in place; a work-item a chain.
+__kernel void GuidedRows(Grid grid, int manifolds, __global const float* across, __global float* psi) {
+  const size_t item = get_global_id(0);
+  if (item >= (size_t)manifolds * grid.rows * PLANES) return;
+  const size_t row = item / PLANES;
+  __global float* at = psi + row * grid.columns * PLANES + item % PLANES;
+  __global const float* links = across + row * grid.columns;
+  float last = at[0];
+  for (int x = 1; x < grid.columns; ++x) {
+    const float value = at[x * PLANES];
+    last = value + links[x] * (last - value);
+    at[x * PLANES] = last;
+  }
+  for (int x = grid.columns - 2; x >= 0; --x) {
+    const float value = at[x * PLANES];
+    last = value + links[x + 1] * (last - value);
+    at[x * PLANES] = last;
+  }
+}
+
+// Then along the columns.
+__kernel void GuidedColumns(Grid grid, int manifolds, __global const float* down, __global float* psi) {
+  const size_t item = get_global_id(0);
+  const size_t row = (size_t)grid.columns * PLANES;
+  if (item >= (size_t)manifolds * row) return;
+  __global float* at = psi + item / row * grid.rows * row + item % row;
+  __global const float* links = down + item / row * CellsOf(grid) + item % row / PLANES;
+  float last = at[0];
+  for (int y = 1; y < grid.rows; ++y) {
+    const float value = at[y * row];
+    last = value + links[y * grid.columns] * (last - value);
+    at[y * row] = last;
+  }
+  for (int y = grid.rows - 2; y >= 0; --y) {
+    const float value = at[y * row];
+    last = value + links[(y + 1) * grid.columns] * (last - value);
+    at[y * row] = last;
+  }
+}
+
+// The fitted plane's value of colour c at (x, y); `m`: the moments.
+float PlaneAt(const float* m, int c, float ridge, float x, float y) {
+  const float xx = Greatest(m[11] - m[3] * m[3], 0.0f) + ridge;
+  const float yy = Greatest(m[13] - m[4] * m[4], 0.0f) + ridge;
+  const float xy = m[12] - m[3] * m[4];
+  const float determinant = Greatest(xx * yy - xy * xy, ridge * ridge);
+  const float off_x = x - m[3], off_y = y - m[4];
+  float by_x = (off_x * yy - off_y * xy) / determinant;
+  float by_y = (off_y * xx - off_x * xy) / determinant;
+  const float deviations = sqrt(off_x * by_x + off_y * by_y);
+  if (deviations > kMostDeviations) {
+    by_x *= kMostDeviations / deviations;
+    by_y *= kMostDeviations / deviations;
+  }
+  return m[c] + by_x * (m[5 + c] - m[3] * m[c]) + by_y * (m[8 + c] - m[4] * m[c]);
+}
+
+// Sums over all manifolds, quotient, and what the fit makes of it; a pixel that no manifold reaches keeps its own signals.
+__kernel void Slice(Grid grid, int manifolds, float unit, float ridge, __global const float* signals,
+                    __global const float* weights, __global const float* psi, __global float* result) {
+  const size_t pixel = get_global_id(0);
+  if (pixel >= PixelsOf(grid)) return;
+  const int x = (int)(pixel % grid.width), y = (int)(pixel / grid.width);
+  const Place at = PlaceOf(x, y, grid);
+  float sums[MOST_PLANES];
+  for (int k = 0; k < PLANES; ++k) sums[k] = 0.0f;
+  for (int m = 0; m < manifolds; ++m) {
+    const float weight = weights[m * PixelsOf(grid) + pixel];
+    if (weight == 0.0f) continue;
+    __global const float* cells = psi + m * CellsOf(grid) * PLANES;
+    for (int k = 0; k < PLANES; ++k) sums[k] += weight * Read(cells, PLANES, k, at, grid);
+  }
+  const float own_x = PositionOf(x, grid.width, unit), own_y = PositionOf(y, grid.height, unit);
+  const int is_lost = sums[RESULTS] < kLeastWeight;
+  for (int k = 0; k < RESULTS; ++k) {
+    const float position = k == CHANNELS ? own_x : k == CHANNELS + 1 ? own_y : 0.0f;
+    const float lost = k < CHANNELS ? signals[k * PixelsOf(grid) + pixel] : position;
+    sums[k] = is_lost ? lost : sums[k] / sums[RESULTS];
+  }
+  for (int c = 0; c < CHANNELS; ++c)
+    result[c * PixelsOf(grid) + pixel] = FITS ? PlaneAt(sums, c, ridge, own_x, own_y) : sums[c];
+}
+
+// --- Points of SlicePoints: number i * samples + j is point j of entry i ---------------------------------------------------
+
+// `pixels`: x, y of each entry; `own`: features of each entry, of `own_count` planes.
+__kernel void WeighPoints(Grid grid, int points, int samples, int manifolds, int own_count, float divisor,
+                          __global const int* pixels, __global const float* features,
+                          __global const float* own, __global const float* eta, __global float* weights,
+                          __global float* total) {
+  const size_t point = get_global_id(0);
+  if (point >= (size_t)points) return;
+  const size_t entry = point / samples, sample = point % samples;
+  const int x = pixels[2 * entry], y = pixels[2 * entry + 1];
+  const Place at = PlaceOf(x, y, grid);
+  const int shared = FEATURES - own_count;
+  float sum = 0.0f;
+  for (int m = 0; m < manifolds; ++m) {
+    __global const float* heights = eta + m * CellsOf(grid) * FEATURES;
+    float square = 0.0f;
+    for (int k = 0; k < shared; ++k) {
+      const float offset =
+          features[k * PixelsOf(grid) + (size_t)y * grid.width + x] - Read(heights, FEATURES, k, at, grid);
+      square += offset * offset;
+    }
+    square /= divisor;
+    for (int k = shared; k < FEATURES; ++k) {
+      const float offset =
+          own[(entry * own_count + (k - shared)) * samples + sample] - Read(heights, FEATURES, k, at, grid);
+      square += offset * offset;
+    }
+    const float weight = square < kFarthest ? Exp(-square) : 0.0f;
+    weights[m * (size_t)points + point] = weight;
+    sum += weight;
+  }
+  total[point] = sum;
+}
+
+// Adds the points of each cell in their order. `cells`: those that have points; point number i of cell c is at
+// order[firsts[c] + i].
+__kernel void SplatPoints(Grid grid, int points, int samples, int manifolds, int cell_count, float unit,
+                          __global const int* pixels, __global const float* signals,
+                          __global const float* masses, __global const float* weights,
+                          __global const int* cells, __global const int* firsts, __global const int* order,
+                          __global float* psi) {
+  const size_t item = get_global_id(0);
+  if (item >= (size_t)manifolds * cell_count) return;
+  const int c = (int)(item % cell_count);
+  const size_t manifold = item / cell_count;
+  __global float* to = psi + (manifold * CellsOf(grid) + cells[c]) * PLANES;
+  const float area = (float)AreaOf(cells[c], grid);
+  for (int i = firsts[c]; i < firsts[c + 1]; ++i) {
+    const size_t point = order[i], entry = point / samples, sample = point % samples;
+    if (masses[point] == 0.0f) continue;
+    const float mass = masses[point] * weights[manifold * points + point] / area;
+    for (int k = 0; k < CHANNELS; ++k) to[k] += mass * signals[(entry * CHANNELS + k) * samples + sample];
+    if (FITS) {
+      to[CHANNELS] += mass * PositionOf(pixels[2 * entry], grid.width, unit);
+      to[CHANNELS + 1] += mass * PositionOf(pixels[2 * entry + 1], grid.height, unit);
+    }
+    to[RESULTS] += mass;
+  }
+}
+
+// A point that no manifold reaches is 0, and so is its weight.
+__kernel void SliceAtPoints(Grid grid, int points, int samples, int manifolds, float unit, float ridge,
+                            __global const int* pixels, __global const float* weights,
+                            __global const float* psi, __global float* values, __global float* found) {
+  const size_t point = get_global_id(0);
+  if (point >= (size_t)points) return;
+  const size_t entry = point / samples, sample = point % samples;
+  const int x = pixels[2 * entry], y = pixels[2 * entry + 1];
+  const Place at = PlaceOf(x, y, grid);
+  float sums[MOST_PLANES];
+  for (int k = 0; k < PLANES; ++k) sums[k] = 0.0f;
+  for (int m = 0; m < manifolds; ++m) {
+    const float weight = weights[m * (size_t)points + point];
+    if (weight == 0.0f) continue;
+    __global const float* cells = psi + m * CellsOf(grid) * PLANES;
+    for (int k = 0; k < PLANES; ++k) sums[k] += weight * Read(cells, PLANES, k, at, grid);
+  }
+  const int is_lost = sums[RESULTS] < kLeastWeight;
+  found[point] = is_lost ? 0.0f : sums[RESULTS];
+  for (int k = 0; k < RESULTS && !is_lost; ++k) sums[k] /= sums[RESULTS];
+  for (int c = 0; c < CHANNELS; ++c) {
+    float value = sums[c];
+    if (FITS)
+      value = PlaneAt(sums, c, ridge, PositionOf(x, grid.width, unit), PositionOf(y, grid.height, unit));
+    values[(entry * CHANNELS + c) * samples + sample] = is_lost ? 0.0f : value;
+  }
+}
+
+// --- What the bits rest on -------------------------------------------------------------------------------------------------
+
+// Quotient, root, product and sum, and a denormal, of each pair of numbers, in single and double precision.
+__kernel void Probe(int count, __global const float* a, __global const float* b, __global float* singles,
+                    __global double* doubles) {
+  const size_t item = get_global_id(0);
+  if (item >= (size_t)count) return;
+  const float x = a[item], y = b[item];
+  singles[4 * item] = x / y;
+  singles[4 * item + 1] = sqrt(x);
+  singles[4 * item + 2] = x * y + x;
+  singles[4 * item + 3] = x * y * 1e-39f;
+  const double u = (double)x, v = (double)y;
+  doubles[3 * item] = u / v;
+  doubles[3 * item + 1] = sqrt(u);
+  doubles[3 * item + 2] = u * (v / 3.0) + u;
+}

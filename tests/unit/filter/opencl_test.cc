@@ -1,0 +1,187 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "filter/blocks.h"
+#include "filter/manifold/manifold_device.h"
+#include "filter/methods.h"
+#include "filter/opencl/device.h"
+#include "filter/opencl/filter_device.h"
+#include "tests/unit/filter/are_equal.h"
+#include "tests/unit/filter/edge_films.h"
+#include "tests/unit/filter/manifold_inputs.h"
+#include "tests/unit/filter/synthetic_film.h"
+
+namespace lumifold::filter {
+namespace {
+
+bool AreSame(const Planes& a, const Planes& b) {
+  for (size_t c = 0; c < a.size(); ++c) {
+    for (int y = 0; y < a[c].height(); ++y) {
+      if (!std::equal(a[c].Row(y), a[c].Row(y) + a[c].width(), b[c].Row(y))) return false;
+    }
+  }
+  return a.size() == b.size();
+}
+
+/// A pool with the first device that gives this processor's bits: a driver that plays a device on a processor
+/// will do.
+class OpenCl : public testing::Test {
+ protected:
+  void SetUp() override {
+    setenv("POCL_CACHE_DIR", LUMIFOLD_DEVICE_CACHE, /*overwrite=*/0);
+    const auto devices = ListDevices();
+    if (!devices.ok()) GTEST_SKIP() << devices.status();
+    const auto found = std::find_if(devices->begin(), devices->end(),
+                                    [](const DeviceInfo& device) { return device.refusal.empty(); });
+    if (found == devices->end()) GTEST_SKIP() << "of " << devices->size() << " devices, none gives the bits";
+    const auto number = std::to_string(found - devices->begin());
+    auto device =
+        OpenFilterDevice("gpu:" + number, [this](const std::string& line) { warnings_.push_back(line); });
+    ASSERT_TRUE(device.ok()) << device.status();
+    pool_ = WithDevice(MakeTaskPool(2), *std::move(device));
+  }
+  void TearDown() override {
+    for (const std::string& warning : warnings_) ADD_FAILURE() << warning;
+  }
+
+  void ExpectSame(const ManifoldInput& input, const ManifoldParams& params, float reach,
+                  const SlicePoints* points) {
+    const auto run = [&](TaskPool* pool) {
+      return ManifoldFilterAtPoints(input.signals, input.features, input.mask.view(), params, reach, points,
+                                    pool);
+    };
+    const ManifoldResult here = run(nullptr);
+    const ManifoldResult there = run(pool_.get());
+    EXPECT_TRUE(AreSame(here.filtered, there.filtered));
+    EXPECT_EQ(here.points.values, there.points.values);
+    EXPECT_EQ(here.points.weights, there.points.weights);
+  }
+
+  void ExpectSame(const LayeredImage& film, const LayeredImage* edges,
+                  const std::string& method = "default") {
+    const auto here = FilterFilm(film, method, nullptr, edges);
+    const auto there = FilterFilm(film, method, pool_.get(), edges);
+    ASSERT_TRUE(here.ok() && there.ok()) << here.status() << there.status();
+    EXPECT_TRUE(AreEqual(*here, *there));
+  }
+
+  std::vector<std::string> warnings_;
+  std::unique_ptr<TaskPool> pool_;
+};
+
+TEST_F(OpenCl, GivesTheBitsOfThisProcessorForPicturesOfAnySize) {
+  constexpr std::pair<int, int> kSizes[] = {{37, 29}, {64, 40}, {1, 17}, {23, 1}, {1, 1}, {70, 301}};
+  for (const auto& [width, height] : kSizes) {
+    SCOPED_TRACE(testing::Message() << width << " x " << height);
+    const ManifoldInput input = MakeManifoldInput(width, height, 4, true, 11);
+    for (const bool fits : {false, true}) {
+      ExpectSame(input, {.keeps_mass = fits, .is_first_order = fits}, fits ? 16.0f : 5.0f, nullptr);
+      ExpectSame(input, {.height = 1, .is_first_order = fits}, 16, nullptr);
+    }
+  }
+}
+
+TEST_F(OpenCl, GivesTheBitsOfThisProcessorForCellsOfAnySize) {
+  const ManifoldInput input = MakeManifoldInput(75, 50, 3, true, 12);
+  for (const int cell : {1, 2, 16, 64}) {
+    SCOPED_TRACE(cell);
+    ExpectSame(input, {.height = 5, .cell = cell, .is_first_order = true}, 16, nullptr);
+  }
+}
+
+TEST_F(OpenCl, GivesTheBitsOfThisProcessorForPoints) {
+  const ManifoldInput input = MakeManifoldInput(75, 50, 4, true, 13);
+  for (const size_t samples : {size_t{1}, size_t{3}}) {
+    SlicePoints points = MakePoints(input, samples, 2);
+    ExpectSame(input, {.height = 3}, 16, &points);
+    AddSignals(3, &points);
+    for (const bool fits : {false, true})
+      ExpectSame(input, {.keeps_mass = fits, .is_first_order = fits}, 5, &points);
+  }
+}
+
+TEST_F(OpenCl, GivesTheBitsOfThisProcessorForFilms) {
+  ExpectSame(MakeSyntheticFilm(97, 61, 0.3f, 3).film, nullptr);
+  const LayeredImage edges = EdgeSet();
+  ExpectSame(EdgeFilm(), &edges);
+  ExpectSame(MirrorFilm(), nullptr);
+}
+
+TEST_F(OpenCl, GivesTheBitsOfThisProcessorForFilmsInBlocks) {
+  const LayeredImage film = MakeSyntheticFilm(150, 70, 0.3f, 3).film;
+  constexpr BlockParams kSmall = {.core = 64, .margin = 64, .fade = 16, .whole = 0};
+  FilmInMemory source(film, nullptr, nullptr);
+  const auto here = FilterFilmByRows(&source, "default", nullptr, kSmall);
+  const auto there = FilterFilmByRows(&source, "default", pool_.get(), kSmall);
+  ASSERT_TRUE(here.ok() && there.ok());
+  EXPECT_TRUE(AreEqual(*here, *there));
+}
+
+TEST_F(OpenCl, GivesTheBitsOfThisProcessorForOtherMethods) {
+  const LayeredImage film = MakeSyntheticFilm(97, 61, 0.3f, 3).film;
+  for (const char* method : {"paper", "manifolds-color"}) ExpectSame(film, nullptr, method);
+}
+
+/// A device that has lost its memory, or is lost itself.
+class LostDevice final : public Device {
+ public:
+  explicit LostDevice(int* calls) : calls_(*calls) {}
+  absl::StatusOr<std::unique_ptr<KernelRun>> Begin(const KernelOptions&) override {
+    ++calls_;
+    return absl::ResourceExhaustedError("out of memory");
+  }
+
+ private:
+  int& calls_;
+};
+
+TEST(FilterDevice, IsLeftForTheProcessorWithOneWarningWhenItFails) {
+  int calls = 0;
+  std::vector<std::string> warnings;
+  const auto pool = WithDevice(MakeTaskPool(2),
+                               MakeFilterDevice("Some GPU", std::make_unique<LostDevice>(&calls),
+                                                [&](const std::string& line) { warnings.push_back(line); }));
+  const ManifoldInput input = MakeManifoldInput(40, 30, 3, true, 14);
+  const auto run = [&](TaskPool* with) {
+    return ManifoldFilter(input.signals, input.features, input.mask.view(), {}, with);
+  };
+  const Planes expected = run(nullptr);
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(AreSame(run(pool.get()), expected));
+  EXPECT_EQ(calls, 1);
+  EXPECT_EQ(warnings,
+            std::vector<std::string>{"Some GPU fails, this processor filters instead: out of memory"});
+}
+
+TEST(FilterDevice, IsOneOfFourWords) {
+  for (const char* word : {"auto", "cpu", "gpu", "gpu:0", "gpu:12"})
+    EXPECT_TRUE(CheckDeviceChoice(word).ok()) << word;
+  for (const char* word : {"", "GPU", "gpu:", "gpu:-1", "gpu:x", "cpu:1", "cuda"}) {
+    const absl::Status status = OpenFilterDevice(word, nullptr).status();
+    EXPECT_EQ(status.message(),
+              "\"" + std::string(word) + "\" is no device; there are: auto, cpu, gpu, gpu:N");
+  }
+}
+
+TEST(FilterDevice, IsNeverAProcessorUnlessItsNumberIsGiven) {
+  const auto devices = ListDevices();
+  const bool has_gpu =
+      devices.ok() && std::any_of(devices->begin(), devices->end(), [](const DeviceInfo& device) {
+        return device.is_gpu && device.refusal.empty();
+      });
+  const auto found = OpenFilterDevice("auto", [](const std::string&) {});
+  ASSERT_TRUE(found.ok()) << found.status();
+  EXPECT_EQ(*found != nullptr, has_gpu);
+  EXPECT_EQ(OpenFilterDevice("gpu", [](const std::string&) {}).ok(), has_gpu);
+  EXPECT_EQ(*OpenFilterDevice("cpu", nullptr), nullptr);
+  EXPECT_FALSE(OpenFilterDevice("gpu:4000", nullptr).ok());
+}
+
+}  // namespace
+}  // namespace lumifold::filter

@@ -66,6 +66,7 @@ int main(int argc, char** argv) {
   environment.local.scene_reader = lumifold::local::ReadSceneFacts;
   environment.local.displayed_reader = lumifold::local::ReadDisplayed;
   environment.local.film_filter = lumifold::local::FilterFilm;
+  environment.local.devices = lumifold::local::ListDevices;
   environment.local.methods = lumifold::local::DescribeMethods();
   lumifold::threads::EndProcess(client::RunClient(argc, argv, environment));
 }

@@ -259,8 +259,9 @@ absl::Status ServerImpl::OpenCoordinator() {
   assets_.store = std::make_unique<AssetStore>(folder_.AssetsPath(), folder_.IncomingPath(), options_.log,
                                                options_.data.files, limits);
   assets_.checks = std::make_unique<AssetChecks>(assets_.store.get());
-  finisher_ = options_.filter.in_child_process ? MakeChildProcessFinisher(folder_, ChildOptions())
-                                               : MakeInProcessFinisher(folder_, store_.get(), options_.now);
+  finisher_ = options_.filter.in_child_process
+                  ? MakeChildProcessFinisher(folder_, ChildOptions())
+                  : MakeInProcessFinisher(folder_, store_.get(), options_.now, options_.filter.device);
   StorageOptions storage = options_.data.storage;
   storage.max_open_logs = MaxOpenLogs();
   if (IsMember()) storage.reserve_bytes = 0;  // their ledger is not on the disk of their folder

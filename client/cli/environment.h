@@ -65,6 +65,8 @@ struct LocalParts {
   DisplayedReader displayed_reader = nullptr;
   /// Null in a build without the filter; `filter` then fails.
   FilmFilter film_filter = nullptr;
+  /// Null in a build without the filter; `doctor` then says nothing of devices.
+  DeviceLister devices = nullptr;
   /// Empty in a build without the filter.
   MethodTexts methods = {};
 };

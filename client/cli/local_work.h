@@ -28,6 +28,8 @@ class LocalFarm {
 
   /// A channel to its coordinator; valid until the farm is destroyed.
   virtual std::shared_ptr<grpc::Channel> channel() = 0;
+  /// What went wrong and was no error, a line each.
+  virtual std::vector<std::string> Warnings() { return {}; }
 };
 
 struct LocalFarmOptions {
@@ -35,6 +37,8 @@ struct LocalFarmOptions {
   int threads = 1;
   /// Data folder of the coordinator; empty for a temporary folder that is removed with the farm.
   std::string state_dir;
+  /// As FilterMachine::device.
+  std::string device = "auto";
 };
 
 /// Starts a local farm.
@@ -75,13 +79,33 @@ using SceneReader = std::function<absl::StatusOr<SceneFacts>(const std::string& 
 /// Errors: kNotFound for a missing file; kDataLoss for one that is no such picture.
 using DisplayedReader = std::function<absl::StatusOr<LayeredImage>(const std::string& path)>;
 
-/// Filters a film (channels of filter/image/layers.h) with `method` on `threads` threads. Passes R G B and
-/// the channels named in `passed_on` to `sink`, in bands of rows from the top down. For a film without
+/// What filters: `threads` of the processor, and a device beside it.
+struct FilterMachine {
+  int threads = 1;
+  /// A word of filter::OpenFilterDevice.
+  std::string device = "auto";
+  /// Receives a line about a device that fails.
+  std::function<void(const std::string& line)> warn = [](const std::string&) {};
+};
+
+/// Filters a film (channels of filter/image/layers.h) with `method`. Passes R G B and the channels named in `passed_on` to `sink`, in bands of rows from the top down. For a film without
 /// halves, halves are made from its one picture. `progress` is told the share that is done, between reads.
-/// Errors: those of filter::FilterFilmInRows.
-using FilmFilter = std::function<absl::Status(FilmSource* film, const std::string& method, int threads,
-                                              const std::vector<std::string>& passed_on, const RowSink& sink,
-                                              const std::function<void(double share)>& progress)>;
+/// Errors: those of filter::FilterFilmInRows and filter::OpenFilterDevice.
+using FilmFilter =
+    std::function<absl::Status(FilmSource* film, const std::string& method, const FilterMachine& machine,
+                               const std::vector<std::string>& passed_on, const RowSink& sink,
+                               const std::function<void(double share)>& progress)>;
+
+/// A device that may filter, as filter::DeviceInfo has it.
+struct DeviceFacts {
+  std::string name;
+  std::string driver;
+  bool is_gpu = false;
+  uint64_t memory_bytes = 0;
+  std::string refusal;  // why it does not filter; empty: it does
+};
+/// The devices of this machine by number. Errors: kNotFound: it has no OpenCL.
+using DeviceLister = std::function<absl::StatusOr<std::vector<DeviceFacts>>()>;
 
 /// What the commands print about the filter's methods, made from filter::Methods().
 struct MethodTexts {

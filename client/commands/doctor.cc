@@ -127,6 +127,7 @@ class Doctor {
     ReportAll(AboutMachine(FactsOfMachine()));
     for (const char* program : {"lumifold-server", "lumifold-worker"})
       Report(AboutProgram(program, VersionOf(program)));
+    if (environment_.local.devices) ReportAll(AboutDevices(environment_.local.devices()));
     Report(AboutConfiguration(environment_));
     for (const std::string& name : remote_.profiles.List())
       Report(AboutProfile(name, ExpiryOf(remote_.profiles, name), identity::ValidityClock()));

@@ -36,7 +36,7 @@ struct FilterOptions {
   std::string method = "default";
   std::string output;
   pictures::DisplayOptions display;
-  int threads = 1;
+  FilterMachine machine;
   bool lists_methods = false;
   bool json = false;
 };
@@ -60,7 +60,7 @@ ExitCode ListMethods(const std::vector<std::string>& arguments, const Environmen
 
 std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, const Environment& environment,
                                     FilterOptions* options) {
-  options->threads = environment.defaults.threads;
+  options->machine.threads = environment.defaults.threads;
   CommandLine command_line(WordsOf("filter"));
   command_line.AddArgument("PICTURE", &options->picture,
                            "The picture: a film of --save-film, any of our pictures or another renderer's "
@@ -75,8 +75,9 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
   command_line.AddRequiredText("-o,--output", "FILE", &options->output,
                                "Output file: .exr with the noisy picture as a layer, .png or .jpg");
   AddDisplayOptions(command_line, &options->display);
-  command_line.AddWholeNumber("--threads", &options->threads, 1, kMaxThreads,
+  command_line.AddWholeNumber("--threads", &options->machine.threads, 1, kMaxThreads,
                               "Threads of the filter (default: all of this machine)");
+  AddDevice(command_line, &options->machine.device);
   AddListOptions(&command_line, options);
   command_line.SetFooter(absl::StrCat(
       "A layout file has lines of ROLE = LAYER or ROLE = LAYER + LAYER, with the roles combined, direct,\n"
@@ -228,6 +229,8 @@ class IoClock {
 absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmFile* film,
                                   const Environment& environment) {
   const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
+  FilterMachine machine = options.machine;
+  machine.warn = [&](const std::string& line) { progress->Message(line); };
   constexpr int kSteps = 1000;
   ProgressState state = {.stage = "filtering", .total = kSteps, .unit = ProgressUnit::kTime};
   const auto show = [&](double share) {
@@ -255,7 +258,7 @@ absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmFile* film,
   show(0);
   const absl::Time start = rpc::MonotonicNow();
   absl::Status filtered =
-      environment.local.film_filter(&timed, options.method, options.threads,
+      environment.local.film_filter(&timed, options.method, machine,
                                     Output::PassedOn(*PictureFormatOf(options.output), *film), write, show);
   if (!filtered.ok()) return filtered;
   const double seconds = absl::ToDoubleSeconds(rpc::MonotonicNow() - start - io.spent());
@@ -273,7 +276,7 @@ ExitCode RunFilter(const std::vector<std::string>& arguments, const Environment&
   if (!environment.local.film_filter)
     return ReportError(environment, absl::UnimplementedError("this build has no filter"));
   KeepFreedMemory();
-  SetExrThreads(options.threads);
+  SetExrThreads(options.machine.threads);
   InputFile picture;
   InputFile half_b;
   absl::Status opened = picture.Open(options.picture, options.output, environment);

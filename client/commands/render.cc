@@ -60,6 +60,7 @@ std::optional<ExitCode> ParseRender(const std::vector<std::string>& arguments, c
   options->hook.AddTo(command_line);
   command_line.AddWholeNumber("--threads", &options->farm.threads, 1, kMaxThreads,
                               "Threads to render with (default: all of this machine)");
+  AddDevice(command_line, &options->farm.device);
   command_line.AddText("--state", "DIR", &options->farm.state_dir,
                        "Data folder for ledger and results (default: a temporary folder)");
   AddJson(command_line, &options->json);
@@ -157,6 +158,7 @@ ExitCode RunRender(const std::vector<std::string>& arguments, const Environment&
   const std::unique_ptr<FarmClient> farm = connect();
   LocalStages progress(MakeProgressPrinter(environment));
   const absl::StatusOr<v1::JobStatus> job = RunJob(*farm, connect(), options, *assets, progress, environment);
+  for (const std::string& line : (*local)->Warnings()) progress.Message(line);
   if (!job.ok()) return ReportError(environment, job.status());
   if (job->state() != v1::JOB_STATE_DONE)
     return RunHook(options.hook, *job, "", ReportOutcome(environment, *job), environment);

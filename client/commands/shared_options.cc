@@ -24,6 +24,13 @@ constexpr char kNobody[] = "anonymous";
 
 }  // namespace
 
+void AddDevice(CommandLine& command_line, std::string* device) {
+  command_line.AddText(
+      "--device", "DEVICE", device,
+      "What filters beside the processor, with the same bits: auto, cpu, gpu, or gpu:N, number N "
+      "of 'lumifold doctor' (default auto: a GPU, if there is one)");
+}
+
 void RemoteOptions::AddOptions(CommandLine& command_line) {
   command_line.AddAddresses(
       "--server", &server,

@@ -20,6 +20,9 @@ namespace lumifold::client {
 /// What --threads may be.
 constexpr int kMaxThreads = 4096;
 
+/// --device, of commands that filter in this process.
+void AddDevice(CommandLine& command_line, std::string* device);
+
 /// Options of every command that connects to a coordinator.
 struct RemoteOptions {
   explicit RemoteOptions(const Environment& environment)

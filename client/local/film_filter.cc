@@ -1,11 +1,15 @@
 #include "client/local/film_filter.h"
 
 #include <memory>
+#include <utility>
 
 #include "filter/baselines/method_info.h"
 #include "filter/image/layers.h"
 #include "filter/layers/single_picture.h"
+#include "filter/manifold/manifold_device.h"
 #include "filter/methods.h"
+#include "filter/opencl/device.h"
+#include "filter/opencl/filter_device.h"
 
 namespace lumifold::local {
 namespace {
@@ -31,12 +35,25 @@ class FilmWithHalves final : public FilmSource {
 
 }  // namespace
 
-absl::Status FilterFilm(FilmSource* film, const std::string& method, int threads,
+absl::Status FilterFilm(FilmSource* film, const std::string& method, const client::FilterMachine& machine,
                         const std::vector<std::string>& passed_on, const RowSink& sink,
                         const std::function<void(double share)>& progress) {
-  const std::unique_ptr<TaskPool> pool = MakeTaskPool(threads);
+  absl::StatusOr<std::shared_ptr<filter::ManifoldDevice>> device =
+      filter::OpenFilterDevice(machine.device, machine.warn);
+  if (!device.ok()) return device.status();
+  const std::unique_ptr<TaskPool> pool =
+      filter::WithDevice(MakeTaskPool(machine.threads), *std::move(device));
   FilmWithHalves halved(film, pool.get());
   return filter::FilterFilmInRows(&halved, method, passed_on, pool.get(), sink, {}, nullptr, progress);
+}
+
+absl::StatusOr<std::vector<client::DeviceFacts>> ListDevices() {
+  const absl::StatusOr<std::vector<filter::DeviceInfo>> devices = filter::ListDevices();
+  if (!devices.ok()) return devices.status();
+  std::vector<client::DeviceFacts> facts;
+  for (const filter::DeviceInfo& device : *devices)
+    facts.push_back({device.name, device.driver, device.is_gpu, device.memory_bytes, device.refusal});
+  return facts;
 }
 
 client::MethodTexts DescribeMethods() {

@@ -3,11 +3,14 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <mutex>
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "filter/opencl/filter_device.h"
 #include "proto/threads/event.h"
 #include "server/server.h"
 #include "worker/connection/connection.h"
@@ -42,10 +45,31 @@ class TemporaryFolder {
   std::string path_;
 };
 
+/// Lines from any thread.
+class Lines {
+ public:
+  void Add(const std::string& line) {
+    const std::lock_guard lock(mutex_);
+    lines_.push_back(line);
+  }
+  std::vector<std::string> All() const {
+    const std::lock_guard lock(mutex_);
+    return lines_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::vector<std::string> lines_;
+};
+
 class InProcessFarm final : public client::LocalFarm {
  public:
-  InProcessFarm(std::unique_ptr<TemporaryFolder> folder, std::unique_ptr<server::Server> server, int threads)
-      : folder_(std::move(folder)), server_(std::move(server)), channel_(server_->InProcessChannel()) {
+  InProcessFarm(std::unique_ptr<TemporaryFolder> folder, std::unique_ptr<server::Server> server, int threads,
+                std::shared_ptr<Lines> warnings)
+      : folder_(std::move(folder)),
+        warnings_(std::move(warnings)),
+        server_(std::move(server)),
+        channel_(server_->InProcessChannel()) {
     worker_ = std::thread([channel = channel_, threads, this] {
       // Its own coordinator never refuses it, and errors of units fail the job.
       worker::RunWorker(
@@ -63,9 +87,11 @@ class InProcessFarm final : public client::LocalFarm {
   }
 
   std::shared_ptr<grpc::Channel> channel() override { return channel_; }
+  std::vector<std::string> Warnings() override { return warnings_->All(); }
 
  private:
   std::unique_ptr<TemporaryFolder> folder_;  // null if the user named a folder
+  const std::shared_ptr<Lines> warnings_;
   std::unique_ptr<server::Server> server_;
   std::shared_ptr<grpc::Channel> channel_;
   threads::Event stop_;
@@ -80,6 +106,11 @@ absl::StatusOr<std::unique_ptr<client::LocalFarm>> StartLocalFarm(const client::
   server_options.data.folder = options.state_dir;
   server_options.only_one_worker = true;
   server_options.filter.threads = options.threads;
+  const auto warnings = std::make_shared<Lines>();
+  absl::StatusOr<std::shared_ptr<filter::ManifoldDevice>> device =
+      filter::OpenFilterDevice(options.device, [warnings](const std::string& line) { warnings->Add(line); });
+  if (!device.ok()) return device.status();
+  server_options.filter.device = *std::move(device);
   if (options.state_dir.empty()) {
     absl::StatusOr<std::unique_ptr<TemporaryFolder>> made = TemporaryFolder::Make();
     if (!made.ok()) return made.status();
@@ -88,7 +119,7 @@ absl::StatusOr<std::unique_ptr<client::LocalFarm>> StartLocalFarm(const client::
   }
   absl::StatusOr<std::unique_ptr<server::Server>> server = server::Server::Start(std::move(server_options));
   if (!server.ok()) return server.status();
-  return std::make_unique<InProcessFarm>(std::move(folder), *std::move(server), options.threads);
+  return std::make_unique<InProcessFarm>(std::move(folder), *std::move(server), options.threads, warnings);
 }
 
 }  // namespace lumifold::local

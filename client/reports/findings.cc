@@ -74,6 +74,27 @@ Findings AboutMachine(const MachineFacts& facts) {
   return findings;
 }
 
+Findings AboutDevices(const absl::StatusOr<std::vector<DeviceFacts>>& devices) {
+  constexpr char kSubject[] = "devices";
+  if (!devices.ok() || devices->empty()) {
+    const std::string reason = devices.ok() ? "OpenCL has none" : std::string(devices.status().message());
+    return {{Level::kOk, kSubject, absl::StrCat("the processor filters: ", reason)}};
+  }
+  Findings findings;
+  for (size_t i = 0; i < devices->size(); ++i) {
+    const DeviceFacts& device = (*devices)[i];
+    const std::string text = absl::StrCat("gpu:", i, " is ", device.name, device.is_gpu ? "" : ", no GPU",
+                                          ", ", Gigabytes(device.memory_bytes), ", ", device.driver);
+    if (device.refusal.empty())
+      findings.push_back(
+          {Level::kOk, kSubject,
+           absl::StrCat(text, device.is_gpu ? ": filters" : ": filters if it is named, with --device")});
+    else
+      findings.push_back({Level::kNote, kSubject, absl::StrCat(text, ": does not filter: ", device.refusal)});
+  }
+  return findings;
+}
+
 Finding AboutProgram(const std::string& name, const absl::StatusOr<std::string>& version) {
   if (absl::IsNotFound(version.status()))
     return {Level::kNote, name, "is not installed here", "needed only where it runs"};

@@ -5,6 +5,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "client/cli/local_work.h"
 #include "lumifold/v1/access.pb.h"
 #include "lumifold/v1/farm.pb.h"
 
@@ -38,6 +39,9 @@ struct MachineFacts {
   uint64_t open_files = 0;  // limit of this process
 };
 Findings AboutMachine(const MachineFacts& facts);
+
+/// What may filter beside the processor. None is needed.
+Findings AboutDevices(const absl::StatusOr<std::vector<DeviceFacts>>& devices);
 
 /// A program beside this one. `version`: what its --version prints, or its error.
 Finding AboutProgram(const std::string& name, const absl::StatusOr<std::string>& version);

@@ -34,6 +34,22 @@ TEST(Findings, AboutTheMachine) {
   }
 }
 
+TEST(Findings, AboutDevices) {
+  EXPECT_THAT(AboutDevices(absl::NotFoundError("there is no libOpenCL.so.1"))[0].text,
+              HasSubstr("the processor filters: there is no libOpenCL.so.1"));
+  EXPECT_EQ(WorstOf(AboutDevices(std::vector<DeviceFacts>())), Level::kOk);
+  const std::vector<DeviceFacts> devices = {
+      {"Good GPU", "OpenCL 3.0", true, kPlenty, ""},
+      {"Processor", "OpenCL 3.0", false, kPlenty, ""},
+      {"Small GPU", "OpenCL 1.2", true, kPlenty, "it has no double precision"}};
+  const Findings findings = AboutDevices(devices);
+  ASSERT_EQ(findings.size(), 3u);
+  EXPECT_EQ(findings[0].text, "gpu:0 is Good GPU, 1099.5 GB, OpenCL 3.0: filters");
+  EXPECT_THAT(findings[1].text, HasSubstr("gpu:1 is Processor, no GPU"));
+  EXPECT_EQ(findings[2].level, Level::kNote);
+  EXPECT_THAT(findings[2].text, HasSubstr("does not filter: it has no double precision"));
+}
+
 TEST(Findings, AboutPrograms) {
   const std::string ours = "lumifold-worker " + std::string(rpc::kVersion);
   EXPECT_EQ(AboutProgram("lumifold-worker", ours).level, Level::kOk);

@@ -107,9 +107,12 @@ TEST_F(RunClientTest, FiltersAPictureForADisplayWithAWarning) {
     image.Get("G").At(2, 1) = 0.5f;
     return image;
   };
-  test_.environment.local.film_filter = [this](FilmSource* film, const std::string&, int,
-                                               const std::vector<std::string>&, const RowSink& sink,
+  test_.environment.local.film_filter = [this](FilmSource* film, const std::string&,
+                                               const FilterMachine& machine, const std::vector<std::string>&,
+                                               const RowSink& sink,
                                                const std::function<void(double)>& progress) {
+    EXPECT_EQ(machine.device, "gpu:1");
+    machine.warn("the GPU fails");
     test_.time.now += absl::Seconds(4);
     progress(0.25);
     absl::StatusOr<EdgedImage> read = film->Read({0, 0, 4, 3});
@@ -120,7 +123,8 @@ TEST_F(RunClientTest, FiltersAPictureForADisplayWithAWarning) {
     rows.Add("A");
     return sink(rows);
   };
-  EXPECT_EQ(Run({"filter", picture, "-o", folder_.File("out.exr")}), 0) << Err();
+  EXPECT_EQ(Run({"filter", picture, "--device", "gpu:1", "-o", folder_.File("out.exr")}), 0) << Err();
+  EXPECT_THAT(Err(), testing::HasSubstr("the GPU fails"));
   EXPECT_THAT(Err(), testing::HasSubstr("photo.png: a picture for a display: light brighter than white"));
   EXPECT_THAT(Err(), testing::HasSubstr("filtering 25%"));
   EXPECT_EQ(folder_.FileCount(), files + 1) << "the copy is removed";
@@ -135,8 +139,8 @@ TEST_F(RunClientTest, InterruptedFilteringLeavesNoFile) {
   ASSERT_EQ(WriteExr(picture, image), absl::OkStatus());
   const int files = folder_.FileCount();
   test_.environment.local.film_filter =
-      [](FilmSource* film, const std::string&, int, const std::vector<std::string>&, const RowSink&,
-         const std::function<void(double)>&) { return film->Read({0, 0, 4, 3}).status(); };
+      [](FilmSource* film, const std::string&, const FilterMachine&, const std::vector<std::string>&,
+         const RowSink&, const std::function<void(double)>&) { return film->Read({0, 0, 4, 3}).status(); };
   test_.interrupted = true;
   EXPECT_EQ(Run({"filter", picture, "-o", folder_.File("out.exr")}), 130);
   EXPECT_THAT(Err(), testing::EndsWith("lumifold: interrupted\n"));

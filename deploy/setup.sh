@@ -10,7 +10,7 @@ packages=(
   libgrpc++-dev protobuf-compiler protobuf-compiler-grpc libprotobuf-dev libabsl-dev
   libspdlog-dev libfmt-dev libcli11-dev libyaml-cpp-dev libopencolorio-dev libsqlite3-dev libpq-dev libssl-dev libxxhash-dev libzstd-dev
   prometheus-cpp-dev libboost-dev libseccomp-dev zlib1g-dev libcurl4-openssl-dev
-  libtbb-dev libeigen3-dev libhwy-dev
+  libtbb-dev libeigen3-dev libhwy-dev opencl-c-headers
 )
 test_packages=(clang libclang-rt-dev libgtest-dev libgmock-dev libbenchmark-dev python3 git clang-format-19 clang-tidy-19
                postgresql iproute2 nftables e2fsprogs openssl
@@ -18,7 +18,8 @@ test_packages=(clang libclang-rt-dev libgtest-dev libgmock-dev libbenchmark-dev 
                blender python3-numpy
                chromium chromium-driver prometheus crun mmdebstrap golang-github-containers-common
                zsh fish groff-base openimageio-tools python3-jsonschema python3-grpcio python3-protobuf python3-xxhash
-               help2man lintian systemd)
+               help2man lintian systemd
+               ocl-icd-libopencl1 pocl-opencl-icd)
 # Node comes with or without npm, and not always from Debian.
 command -v npm >/dev/null || test_packages+=(nodejs npm)
 [ "${1:-}" = --tests ] && packages+=("${test_packages[@]}")

@@ -34,6 +34,9 @@ foreach(package IN LISTS lumifold_packages)
   set(CPACK_DEBIAN_${component}_DESCRIPTION "${lumifold_description_${package}}")
 endforeach()
 
+# OpenCL's loader is looked for when the program runs.
+set(CPACK_DEBIAN_LUMIFOLD_PACKAGE_SUGGESTS ocl-icd-libopencl1)
+
 # A service's unit, options, and scripts that tell systemd. The coordinator begins to listen, on loopback, when it is installed;
 # the others need to know a coordinator first.
 foreach(package IN LISTS lumifold_services)

@@ -35,6 +35,8 @@ RULES = [
     Rule("filter/baselines/", r"filter/(denoise|edges)/", "baselines stand on image and layers"),
     Rule("filter/manifold/", r"(filter|worker|server|client|proto|tests)/",
          "the published algorithm stands on kernels and image alone", r"filter/(manifold|kernels|image)/"),
+    Rule("filter/opencl/", r"(filter|worker|server|client|proto|tests)/",
+         "a device knows the published algorithm alone", r"filter/(opencl|manifold|kernels|image)/"),
     Rule("worker/render/", PROTO, "the renderer knows no wire formats"),
     Rule("worker/plan/", PROTO + r"|embree[34]/|filter/(?!image/)",
          "a plan knows the renderer and its scene alone"),

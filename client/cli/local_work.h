@@ -105,7 +105,7 @@ struct DeviceFacts {
   uint64_t memory_bytes = 0;
   std::string refusal;  // why it does not filter; empty: it does
 };
-/// The devices of this machine by number. Errors: kNotFound: it has no OpenCL.
+/// The devices of this machine by number. Errors: kFailedPrecondition: it has no OpenCL.
 using DeviceLister = std::function<absl::StatusOr<std::vector<DeviceFacts>>()>;
 
 /// What the commands print about the filter's methods, made from filter::Methods().

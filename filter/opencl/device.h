@@ -21,7 +21,7 @@ struct DeviceInfo {
 };
 
 /// All devices of this machine, numbered from 0.
-/// Errors: kNotFound: it has no OpenCL.
+/// Errors: kFailedPrecondition: it has no OpenCL.
 absl::StatusOr<std::vector<DeviceInfo>> ListDevices();
 
 /// A device with its context, its queue and the programs that were built for it.

@@ -60,7 +60,7 @@ absl::StatusOr<size_t> FirstGpu(const std::vector<DeviceInfo>& devices) {
     if (devices[i].refusal.empty()) return i;
     absl::StrAppend(&refusals, "; ", devices[i].name, ": ", devices[i].refusal);
   }
-  return absl::NotFoundError(
+  return absl::FailedPreconditionError(
       absl::StrCat("OpenCL has no GPU here that gives this processor's bits", refusals));
 }
 

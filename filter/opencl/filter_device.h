@@ -28,7 +28,7 @@ std::shared_ptr<ManifoldDevice> MakeFilterDevice(std::string name, std::unique_p
 ///   gpu    the first GPU that gives this processor's bits;
 ///   gpu:N  device N of ListDevices(), whatever it is;
 ///   auto   that of gpu, or null where there is none.
-/// Errors: those of CheckDeviceChoice and OpenDevice; kNotFound: there is no such GPU.
+/// Errors: those of CheckDeviceChoice and OpenDevice; kFailedPrecondition: there is no such GPU.
 absl::StatusOr<std::shared_ptr<ManifoldDevice>> OpenFilterDevice(std::string_view choice, DeviceWarning warn);
 
 }  // namespace lumifold::filter

@@ -9,11 +9,11 @@ namespace {
 
 absl::StatusOr<OpenClLibrary> Load() {
   void* const handle = dlopen("libOpenCL.so.1", RTLD_NOW | RTLD_LOCAL);
-  if (handle == nullptr) return absl::NotFoundError("there is no libOpenCL.so.1");
+  if (handle == nullptr) return absl::FailedPreconditionError("there is no libOpenCL.so.1");
   OpenClLibrary library;
 #define LUMIFOLD_OPENCL_FUNCTION(name)                                           \
   library.name = reinterpret_cast<decltype(library.name)>(dlsym(handle, #name)); \
-  if (library.name == nullptr) return absl::NotFoundError("libOpenCL.so.1 has no " #name);
+  if (library.name == nullptr) return absl::FailedPreconditionError("libOpenCL.so.1 has no " #name);
   LUMIFOLD_OPENCL_FUNCTIONS(LUMIFOLD_OPENCL_FUNCTION)
 #undef LUMIFOLD_OPENCL_FUNCTION
   return library;

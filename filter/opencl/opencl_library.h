@@ -42,7 +42,7 @@ struct OpenClLibrary {
 };
 
 /// libOpenCL.so.1, which finds the drivers.
-/// Errors:  kNotFound: this machine has none, or one before OpenCL 1.2.
+/// Errors:  kFailedPrecondition: this machine has none, or one before OpenCL 1.2.
 /// Threads: safe concurrently.
 absl::StatusOr<const OpenClLibrary*> LoadOpenCl();
 

@@ -118,7 +118,7 @@ TEST_F(OpenCl, GivesTheBitsOfThisProcessorForFilms) {
 }
 
 TEST_F(OpenCl, GivesTheBitsOfThisProcessorForFilmsInBlocks) {
-  const LayeredImage film = MakeSyntheticFilm(150, 70, 0.3f, 3).film;
+  const LayeredImage film = MakeSyntheticFilm(100, 40, 0.3f, 3).film;
   constexpr BlockParams kSmall = {.core = 64, .margin = 64, .fade = 16, .whole = 0};
   FilmInMemory source(film, nullptr, nullptr);
   const auto here = FilterFilmByRows(&source, "default", nullptr, kSmall);

@@ -10,8 +10,10 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <random>
+#include <set>
 #include <thread>
 #include <utility>
 
@@ -32,6 +34,7 @@
 #include "server/access/audit_log.h"
 #include "server/access/authorisation.h"
 #include "server/access/caller_check.h"
+#include "server/access/certificate_authority.h"
 #include "server/access/identity.h"
 #include "server/access/open_calls.h"
 #include "server/assets/asset_checks.h"
@@ -73,6 +76,15 @@ ServerOptions WithEvents(ServerOptions options, const std::shared_ptr<logging::J
                          EventLog* events) {
   options.log = MakeEventLogger(options.log, labels, events);
   return options;
+}
+
+/// The name of a machine that a certificate with these names can have: the machine's own if it is one, or
+/// there are none; otherwise the first that is not local.
+std::string HostAmong(const std::vector<std::string>& certified, const std::string& machine) {
+  const bool has_own = std::find(certified.begin(), certified.end(), machine) != certified.end();
+  if (certified.empty() || has_own) return machine;
+  const size_t local = access::HostsOfServer({}).size();  // these come first
+  return certified.size() > local ? certified[local] : certified.front();
 }
 
 /// In lower case, as browsers send it; empty for a malformed address.
@@ -164,6 +176,9 @@ class ServerImpl final : public Server {
   absl::Status OpenCoordinator();
   void OpenPreviews();
   absl::Status JoinFarm();
+  /// Names by which others reach a coordinator with access control.
+  std::vector<std::string> CertifiedHosts() const;
+  /// HOST:PORT by which they reach this one.
   std::string Address() const;
   absl::Status ShowMetrics();
   absl::Status ShowPage();
@@ -308,14 +323,19 @@ void ServerImpl::OpenPreviews() {
                                            int32_t frame) { return coordinator_->CountUnits(job, frame); }});
 }
 
+std::vector<std::string> ServerImpl::CertifiedHosts() const {
+  return access_.control == nullptr ? std::vector<std::string>() : access_.control->Hosts();
+}
+
 std::string ServerImpl::Address() const {
   if (!options_.farm.advertise.empty()) return options_.farm.advertise;
   rpc::HostAndPort listen;
   if (!rpc::ParseHostAndPort(options_.listen, &listen).ok()) return options_.listen;
   const bool is_any = listen.host == "0.0.0.0" || listen.host == "::";
   std::array<char, 256> machine = {};
-  if (is_any && gethostname(machine.data(), machine.size() - 1) == 0)
-    return absl::StrCat(machine.data(), ":", calls_.port);
+  if (is_any && gethostname(machine.data(), machine.size() - 1) == 0) {
+    return absl::StrCat(HostAmong(CertifiedHosts(), machine.data()), ":", calls_.port);
+  }
   return absl::StrCat(options_.listen.substr(0, options_.listen.rfind(':')), ":", calls_.port);
 }
 
@@ -382,15 +402,19 @@ absl::Status ServerImpl::ShowPage() {
                                               ? absl::StatusOr<std::string>(access_.control->page_key())
                                               : identity::RandomBytes(kPageKeyBytes);
   if (!key.ok()) return key.status();
-  absl::StatusOr<std::unique_ptr<page::StatusPage>> page = page::StatusPage::Start(
-      {.address = options_.page.address,
-       .certificate_path = certificate,
-       .host = is_private ? "127.0.0.1" : HostOf(Address()),
-       .names = {HostOf(options_.page.address), HostOf(options_.listen), HostOf(Address())},
-       .channel = InProcessChannel(),
-       .session_key = *key,
-       .known = access_.control != nullptr ? &access_.control->known() : nullptr,
-       .wall_now = options_.wall_now});
+  std::set<std::string> names;
+  for (const std::string& host : CertifiedHosts()) names.insert(absl::AsciiStrToLower(host));
+  for (const std::string& address : {options_.page.address, options_.listen, Address()})
+    names.insert(HostOf(address));
+  absl::StatusOr<std::unique_ptr<page::StatusPage>> page =
+      page::StatusPage::Start({.address = options_.page.address,
+                               .certificate_path = certificate,
+                               .host = is_private ? "127.0.0.1" : HostOf(Address()),
+                               .names = std::move(names),
+                               .channel = InProcessChannel(),
+                               .session_key = *key,
+                               .known = access_.control != nullptr ? &access_.control->known() : nullptr,
+                               .wall_now = options_.wall_now});
   if (!page.ok()) return page.status();
   page_ = *std::move(page);
   options_.log->info("event=page address={} port={}", options_.page.address, page_->port());

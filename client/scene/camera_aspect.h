@@ -9,7 +9,9 @@ namespace lumifold::client {
 
 /// Width over height of what a camera of the scene file sees; nothing where neither the camera nor the scene
 /// says. `camera` is as in JobSpec: a name, a number in the order of the nodes, or empty for the first; one
-/// that does not exist has no aspect ratio, since a worker says which there are.
+/// that does not exist has no aspect ratio, since a worker says which there are. Not by the worker's loader,
+/// which reads all buffers first, and refuses scenes of later versions that `submit --unchecked` leaves to
+/// the farm.
 /// Errors: those of ReadSceneJson, with the scene's name.
 absl::StatusOr<std::optional<double>> CameraAspect(const std::string& scene_path, const std::string& camera);
 

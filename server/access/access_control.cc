@@ -104,6 +104,10 @@ absl::StatusOr<std::unique_ptr<AccessControl>> AccessControl::Open(AccessOptions
   return access;
 }
 
+std::vector<std::string> AccessControl::Hosts() const {
+  return ReadHosts(options_.folder).value_or(std::vector<std::string>());
+}
+
 rpc::Security AccessControl::security() const {
   return {.insecure = false,
           .ca_path = options_.folder + "/ca.pem",

@@ -69,6 +69,8 @@ class AccessControl {
   /// Secret bytes for the sessions of the status page, which all coordinators of this authority have.
   std::string page_key() const { return authority_->SecretFor("sessions of the status page"); }
   OpenCalls& open_calls() { return open_calls_; }
+  /// The names of the server's certificate, those of HostsOfServer first. Empty where they cannot be read.
+  std::vector<std::string> Hosts() const;
 
   // The calls of AccessService. `caller` was let through by the authoriser.
   absl::StatusOr<v1::CertificateResponse> Enroll(const v1::EnrollRequest& request);

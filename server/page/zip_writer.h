@@ -10,6 +10,8 @@ namespace lumifold::page {
 
 /// Writes an archive in the ZIP format (APPNOTE.TXT 6.3.10 of PKWARE) as a stream: members are stored as they
 /// are, and the checksum of each follows it. Members and archives of 4 GiB and more have the 64-bit fields.
+/// No library: libzip and minizip go back in the file to write checksums, which a stream cannot, and
+/// libarchive brings libraries of XML, access lists and further codecs into the coordinator.
 /// Threads: one at a time.
 class ZipWriter {
  public:

@@ -43,6 +43,15 @@ TEST_F(AccessControlTest, IsNotMadeTwice) {
   EXPECT_THAT(std::string(status.message()), HasSubstr("has been set up before"));
 }
 
+TEST_F(AccessControlTest, KnowsTheNamesOfItsCertificate) {
+  EXPECT_THAT(access_->Hosts(), ElementsAre("localhost", "127.0.0.1", "::1"));
+  AccessOptions options = Options();
+  options.folder = folder_.PathOf("named");
+  ASSERT_TRUE(MakeAccessFolder(options, {"farm.example.org"}).ok());
+  EXPECT_THAT((*AccessControl::Open(options))->Hosts(),
+              ElementsAre("localhost", "127.0.0.1", "::1", "farm.example.org"));
+}
+
 TEST_F(AccessControlTest, RefusesAHostThatIsNone) {
   AccessOptions options = Options();
   options.folder = folder_.PathOf("other");

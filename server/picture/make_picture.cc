@@ -24,8 +24,9 @@ constexpr uint64_t kProcessBytes = uint64_t{64} << 20;
 /// Of the film and the filter together: 4.4 GB for a block of 1536x1536 pixels of a scene with reflections
 /// (docs/operations.md); 700 for the Cornell box.
 constexpr uint64_t kBytesPerPixel = 1900;
-/// Of the filter's time, that of shadows: 1.3 s of 5.4 s of a frame of 1024x768 pixels. It only moves the
-/// progress.
+/// Of the filter's time, that of shadows: 1.3 s of 5.4 s of a frame of 1024x768 pixels. They are one further
+/// layer, on a plane that has nothing of the picture's features, so that no filtering serves both. It only
+/// moves the progress.
 constexpr double kShadowShare = 0.25;
 
 /// Measures the time of alternating stages.

@@ -67,6 +67,8 @@ class Progress(unittest.TestCase):
     def test_of_a_job(self):
         job = {"job_id": "j-1", "state": "running", "workers": 1, "samples_done": 1, "samples_total": 4}
         self.assertEqual(program.progress_of_job(job), program.Progress("running, 1 worker", 0.25, "j-1"))
+        filtering = {"job_id": "j-1", "state": "filtering", "frames_filtered": 0.5}
+        self.assertEqual(program.progress_of_job(filtering), program.Progress("filtering", 0.5, "j-1"))
 
 
 class Frames(unittest.TestCase):

@@ -153,7 +153,9 @@ def progress_of_text(line):
 
 
 def progress_of_job(job):
-    """Progress of a job as `watch --json` prints it."""
+    """Progress of a job of one frame as `watch --json` prints it."""
+    if job["state"] == "filtering":
+        return Progress("filtering", job.get("frames_filtered"), job.get("job_id", ""))
     total = job.get("samples_total", 0)
     workers = job.get("workers", 0)
     text = job["state"] + (f", {workers} worker{'s' * (workers != 1)}" if job["state"] == "running" else "")

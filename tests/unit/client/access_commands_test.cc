@@ -93,7 +93,9 @@ TEST_F(AccessCommandsTest, AnInviteIsForAPersonOrAWorker) {
   ASSERT_EQ(Run({"invite", "ben", "--scope", "admin,read", "--hours", "1.5", "--json"}), 0) << Err();
   EXPECT_THAT(requests_, ElementsAre("kind: HOLDER_KIND_PERSON name: \"ben\" scopes: ACCESS_SCOPE_ADMIN "
                                      "scopes: ACCESS_SCOPE_READ token_lifetime_seconds: 5400"));
-  EXPECT_EQ(Out(), "{\"code\":\"the-code\",\"id\":\"id-2\",\"expires_unix_ms\":1700000000456}\n");
+  EXPECT_EQ(
+      Out(),
+      "{\"schema_version\":1,\"code\":\"the-code\",\"id\":\"id-2\",\"expires_unix_ms\":1700000000456}\n");
   ASSERT_EQ(Run({"invite", "node-7", "--worker"}), 0) << Err();
   EXPECT_THAT(requests_, ElementsAre("kind: HOLDER_KIND_WORKER name: \"node-7\""));
   EXPECT_EQ(Err(), "lumifold: for node-7: lumifold-worker enroll " + address_ + " CODE\n");
@@ -110,7 +112,8 @@ TEST_F(AccessCommandsTest, WhoAmITellsTheCaller) {
   EXPECT_THAT(Out(), HasSubstr("name: ann\nkind: person\nscopes: read, admin\nid: id-1\nexpires: 2023-11-1"));
   ASSERT_EQ(Run({"whoami", "--json"}), 0) << Err();
   EXPECT_EQ(Out(),
-            "{\"name\":\"ann\",\"kind\":\"person\",\"scopes\":[\"read\",\"admin\"],\"id\":\"id-1\","
+            "{\"schema_version\":1,\"name\":\"ann\",\"kind\":\"person\",\"scopes\":[\"read\",\"admin\"],"
+            "\"id\":\"id-1\","
             "\"expires_unix_ms\":1700000000123}\n");
 }
 
@@ -140,10 +143,10 @@ TEST_F(AccessCommandsTest, IdentitiesAreListedPageByPage) {
   EXPECT_THAT(Out(), HasSubstr("id-2                             certificate worker revoked 2023-11-1"));
   ASSERT_EQ(Run({"identities", "--all", "--json"}), 0) << Err();
   EXPECT_THAT(requests_, ElementsAre("", "page_token: \"1\""));
-  EXPECT_THAT(
-      Out(), HasSubstr("{\"id\":\"id-1\",\"form\":\"token\",\"kind\":\"person\",\"name\":\"ann\",\"scopes\":["
-                       "\"submit\"],\"state\":\"valid\",\"created_unix_ms\":1600000000000,"
-                       "\"expires_unix_ms\":1700000000000}\n"));
+  EXPECT_THAT(Out(), HasSubstr("{\"schema_version\":1,\"id\":\"id-1\",\"form\":\"token\",\"kind\":\"person\","
+                               "\"name\":\"ann\",\"scopes\":["
+                               "\"submit\"],\"state\":\"valid\",\"created_unix_ms\":1600000000000,"
+                               "\"expires_unix_ms\":1700000000000}\n"));
 }
 
 TEST_F(AccessCommandsTest, ARevocationIsOfANameOrOfOne) {

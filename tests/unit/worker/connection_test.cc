@@ -54,11 +54,16 @@ class ScriptedCoordinator final : public v1::WorkerService::Service {
     absl::MutexLock lock(&mutex_);
     return fetches_;
   }
+  /// Whether a stream was broken by the worker, where it should have closed it.
+  bool was_broken() {
+    absl::MutexLock lock(&mutex_);
+    return was_broken_;
+  }
   /// Specs are answered from now on.
   void AnswerSpecs() { answers_.Notify(); }
 
  private:
-  grpc::Status Work(grpc::ServerContext*, WorkStream* stream) override {
+  grpc::Status Work(grpc::ServerContext* context, WorkStream* stream) override {
     v1::WorkerMessage message;
     if (!stream->Read(&message) || !message.has_hello())
       return {grpc::StatusCode::INVALID_ARGUMENT, "the first message is no Hello"};
@@ -66,7 +71,10 @@ class ScriptedCoordinator final : public v1::WorkerService::Service {
       absl::MutexLock lock(&mutex_);
       hellos_.push_back(message.hello());
     }
-    return script_(*stream);
+    const grpc::Status status = script_(*stream);
+    absl::MutexLock lock(&mutex_);
+    was_broken_ = was_broken_ || context->IsCancelled();
+    return status;
   }
   grpc::Status FetchSpec(grpc::ServerContext*, const v1::FetchSpecRequest* request,
                          v1::JobSpec* spec) override {
@@ -109,6 +117,7 @@ class ScriptedCoordinator final : public v1::WorkerService::Service {
   absl::Mutex mutex_;
   std::vector<v1::Hello> hellos_;
   std::vector<std::string> fetches_;
+  bool was_broken_ = false;
   std::string address_;
   std::unique_ptr<grpc::Server> server_;
 };
@@ -272,6 +281,7 @@ TEST_F(ConnectionTest, GoesWhereItIsSentWithWhatItHolds) {
   });
   first.AnswerSpecs();
   EXPECT_EQ(Run({first.address()}), absl::OkStatus());
+  EXPECT_FALSE(first.was_broken() || other.was_broken());
   ASSERT_THAT(other.hellos(), SizeIs(1));
   EXPECT_EQ(other.hellos()[0].instance(), first.hellos()[0].instance());
 }
@@ -310,6 +320,7 @@ TEST_F(ConnectionTest, AStopBreaksTheStreamAndAnIdentityThatHasExpiredBeginsNone
     return grpc::Status::OK;
   });
   EXPECT_EQ(Run({coordinator.address()}), absl::OkStatus());
+  EXPECT_TRUE(coordinator.was_broken());
   threads::Event never;
   options_.check_identity = [] { return absl::UnauthenticatedError("it has expired"); };
   EXPECT_TRUE(absl::IsUnauthenticated(

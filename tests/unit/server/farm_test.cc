@@ -63,6 +63,7 @@ class NotingSink final : public WorkerSink {
     for (const v1::Lease& lease : message.grant().leases()) leases.push_back(lease);
     for (const v1::Lease& lease : message.void_leases().leases()) revoked.push_back(lease);
     if (message.has_job_ended()) ended.push_back(message.job_ended().job_id());
+    if (message.has_grant()) trace = message.grant().trace_id();
   }
   /// Leases of a job that it has got.
   int Count(const JobId& job) const {
@@ -74,6 +75,7 @@ class NotingSink final : public WorkerSink {
   std::vector<v1::Lease> leases;
   std::vector<v1::Lease> revoked;
   std::vector<std::string> ended;
+  std::string trace;  // of the last grant
 };
 
 CoordinatorOptions Options(const absl::Time* now) {
@@ -407,7 +409,13 @@ class FarmFinishTest : public FarmTest {
     worker_ = Connect("worker", 64);
     farm_.finish_leases.AddWorker(
         worker_, {.numeric_class = FarmClass(), .places = 1, .memory_bytes = uint64_t{1} << 40});
-    for (const char* id : {"j-1", "j-2", "j-3"}) Start(id);
+    for (const char* id : {"j-1", "j-2", "j-3"}) {
+      ledger::JobRecord record = Record(id);
+      record.scheduling.set_trace_id(std::string("trace of ") + id);
+      farm_.StartJob(record, {});
+      farm_.Complete();
+    }
+    EXPECT_EQ(sinks_["worker"].trace, "trace of j-3");
     for (const v1::Lease& lease : std::vector<v1::Lease>(sinks_["worker"].leases)) {
       AcceptedUnit unit;
       unit.stored.unit = job::UnitFromProto(lease.unit());
@@ -438,6 +446,7 @@ TEST_F(FarmFinishTest, AFrameWithoutAPlaceGoesToAWorkerThatHasOne) {
   EXPECT_EQ(away->due.job, second_);
   EXPECT_EQ(Last().unit().job_id(), "j-2");
   EXPECT_EQ(Last().unit().kind(), v1::UNIT_KIND_RESULT);
+  EXPECT_EQ(sinks_["worker"].trace, "trace of j-2");
   EXPECT_TRUE(Holds(second_));
   EXPECT_FALSE(farm_.BeginFrame(now_).has_value()) << "neither has a place left";
   EXPECT_EQ(farm_.StatusOf(second_)->frames_filtering(), 1);

@@ -162,11 +162,14 @@ std::optional<RunningFrame> Farm::BeginFrame(absl::Time now) {
     const v1::WorkerState state = state_of(worker);
     return state == v1::WORKER_STATE_IDLE || state == v1::WORKER_STATE_BUSY;
   };
-  TakeFramesBack(finish_leases.Expired(now, is_blocked), "expired");
+  const auto may_have = [&](WorkerId worker, const JobId& job) {
+    return is_available(worker) && !finish_leases.IsExcluded(worker, job, now);
+  };
+  TakeFramesBack(finish_leases.Expired(now, is_blocked), "expired", Return::kFailed);
   const auto find_worker = [&](const DueFrame& due, const Claims& claims) -> std::optional<WorkerId> {
     if (!scheduler.jobs().Has(due.job)) return std::nullopt;
     const auto may_finish = [&](WorkerId worker) {
-      return is_available(worker) &&
+      return may_have(worker, due.job) &&
              std::none_of(claims.begin(), claims.end(), [&](const ClaimedResult& claim) {
                return claim.worker == workers.Find(worker)->name;
              });
@@ -175,7 +178,8 @@ std::optional<RunningFrame> Farm::BeginFrame(absl::Time now) {
   };
   frames.OfferBlocks([&](const DueFrame& due) {
     return is_leasing() && scheduler.jobs().Has(due.job) &&
-           finish_leases.HasOffer(scheduler.jobs().NumericClassOf(due.job), due.memory_bytes, is_available);
+           finish_leases.HasOffer(scheduler.jobs().NumericClassOf(due.job), due.memory_bytes,
+                                  [&](WorkerId worker) { return may_have(worker, due.job); });
   });
   while (true) {
     std::optional<RunningFrame> frame = frames.Begin(now);
@@ -216,10 +220,12 @@ void Farm::SendFrame(const RunningFrame& frame) {
                          attempt.value());
 }
 
-void Farm::TakeFramesBack(const std::vector<job::Attempt>& leases, std::string_view reason) {
+void Farm::TakeFramesBack(const std::vector<job::Attempt>& leases, std::string_view reason, Return how) {
   for (const job::Attempt attempt : leases) {
     const FinishLease lease = finish_leases.End(attempt);
     frames.ComeBack(lease.part, resources_->options.now());
+    if (how == Return::kFailed)
+      finish_leases.Exclude(lease.party, lease.part.frame.first, resources_->options.now());
     v1::CoordinatorMessage message;
     v1::Lease* const ended = message.mutable_void_leases()->add_leases();
     *ended->mutable_unit() = job::ProtoFromUnit(UnitOf(lease.part));

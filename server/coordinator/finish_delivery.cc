@@ -290,10 +290,10 @@ absl::StatusOr<std::unique_ptr<ResultUpload>> FinishDelivery::Receive(
 }
 
 void FinishDelivery::TakeBack(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
-                              const std::string& reason) const {
+                              const std::string& reason, Farm::Return how) const {
   FarmState::Change farm(state_);
   const FinishLease* const lease = farm->finish_leases.Find(worker, PartOf(unit), attempt);
-  if (lease != nullptr && !lease->is_delivered) farm->TakeFramesBack({attempt}, reason);
+  if (lease != nullptr && !lease->is_delivered) farm->TakeFramesBack({attempt}, reason, how);
 }
 
 }  // namespace lumifold::server

@@ -34,7 +34,7 @@ class FinishDelivery {
                                                         const std::string& caller) const;
   /// The worker will not deliver the result of a lease.
   void TakeBack(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
-                const std::string& reason) const;
+                const std::string& reason, Farm::Return how) const;
 
  private:
   /// The levels of light of a frame, once the headers of its units are read: others who want them wait.

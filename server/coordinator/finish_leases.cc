@@ -1,6 +1,7 @@
 #include "server/coordinator/finish_leases.h"
 
 #include <algorithm>
+#include <set>
 #include <utility>
 
 namespace lumifold::server {
@@ -13,6 +14,7 @@ using job::WorkerId;
 constexpr absl::Duration kFilterOfAPixel = absl::Microseconds(42);
 /// A frame of one block takes a slow machine a few minutes.
 constexpr absl::Duration kLongest = absl::Minutes(30);
+constexpr absl::Duration kExcluded = absl::Minutes(5);
 
 }  // namespace
 
@@ -55,6 +57,7 @@ bool FinishLeases::HasOffer(const std::string& numeric_class, uint64_t memory_by
 
 void FinishLeases::Grant(Attempt attempt, FinishLease lease, absl::Time now) {
   FinishOffer& offer = offers_.at(lease.worker).left;
+  lease.party = offer.party;
   --offer.places;
   offer.memory_bytes -= lease.memory_bytes;
   lease.granted = lease.heard = lease.progressed = now;
@@ -101,6 +104,24 @@ std::vector<Attempt> FinishLeases::Heartbeat(WorkerId worker, absl::Span<const s
     }
   }
   return dropped;
+}
+
+void FinishLeases::Exclude(const std::string& party, const job::JobId& job, absl::Time now) {
+  for (auto& [other, parties] : excluded_)
+    std::erase_if(parties, [now](const auto& entry) { return entry.second <= now; });
+  std::erase_if(excluded_, [](const auto& entry) { return entry.second.empty(); });
+  std::set<std::string> offering;
+  for (const auto& [worker, offer] : offers_) offering.insert(offer.whole.party);
+  const auto excluded = excluded_.find(job);
+  const size_t count = excluded == excluded_.end() ? 0 : excluded->second.size();
+  if (count == 0 || 2 * count < offering.size()) excluded_[job][party] = now + kExcluded;
+}
+
+bool FinishLeases::IsExcluded(WorkerId worker, const job::JobId& job, absl::Time now) const {
+  const auto excluded = excluded_.find(job);
+  if (excluded == excluded_.end()) return false;
+  const auto until = excluded->second.find(offers_.at(worker).whole.party);
+  return until != excluded->second.end() && now < until->second;
 }
 
 std::vector<Attempt> FinishLeases::Expired(absl::Time now,

@@ -17,6 +17,7 @@ namespace lumifold::server {
 
 /// What a worker offers for finishing frames, see v1::Hello.
 struct FinishOffer {
+  std::string party = {};  // see PartyOf
   std::string numeric_class;
   int places = 0;
   uint64_t memory_bytes = 0;
@@ -26,6 +27,7 @@ struct FinishOffer {
 struct FinishLease {
   FramePart part;
   job::WorkerId worker{};
+  std::string party = {};  // the worker's, set by Grant
   uint64_t memory_bytes = 0;
   int64_t pixels = 0;
   absl::Time granted = {};
@@ -70,6 +72,11 @@ class FinishLeases {
   /// Renews what `held` names. Returns those that the worker has received, by `newest`, and does not name.
   std::vector<job::Attempt> Heartbeat(job::WorkerId worker, absl::Span<const scheduler::HeldLease> held,
                                       job::Attempt newest, absl::Time now);
+  /// A party has failed what it had of a job: it gets nothing of it for 5 minutes, unless half of those that
+  /// offer places do not get any already. Otherwise a machine that fails everything at once would have places
+  /// for all frames.
+  void Exclude(const std::string& party, const job::JobId& job, absl::Time now);
+  bool IsExcluded(job::WorkerId worker, const job::JobId& job, absl::Time now) const;
   /// Those that are over, and those of workers that are blocked.
   std::vector<job::Attempt> Expired(absl::Time now, absl::FunctionRef<bool(job::WorkerId)> is_blocked) const;
   int64_t size() const { return static_cast<int64_t>(leases_.size()); }
@@ -82,6 +89,7 @@ class FinishLeases {
   };
   std::map<job::WorkerId, Offer> offers_;
   std::map<job::Attempt, FinishLease> leases_;
+  std::map<job::JobId, std::map<std::string, absl::Time>> excluded_;  // party: until when
 };
 
 }  // namespace lumifold::server

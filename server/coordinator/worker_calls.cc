@@ -83,7 +83,8 @@ absl::StatusOr<WorkerId> WorkerCalls::AddWorker(const v1::Hello& hello, const ac
                                          .slots = hello.slots(),
                                          .memory_bytes = hello.memory_bytes(),
                                          .tags = {hello.tags().begin(), hello.tags().end()}});
-  farm->finish_leases.AddWorker(worker, {.numeric_class = hello.numeric_class(),
+  farm->finish_leases.AddWorker(worker, {.party = PartyOf(name, is_certified),
+                                         .numeric_class = hello.numeric_class(),
                                          .places = std::min(hello.finishes(), kMaxFinishes),
                                          .memory_bytes = hello.finish_memory_bytes()});
   if (hello.finishes() > 0) farm->frames.Wake();
@@ -101,7 +102,7 @@ absl::StatusOr<WorkerId> WorkerCalls::AddWorker(const v1::Hello& hello, const ac
 void WorkerCalls::RemoveWorker(WorkerId worker) {
   FarmState::Change farm(state_);
   resources_->log().info("event=worker_gone worker={}", farm->workers.NameOf(worker));
-  farm->TakeFramesBack(farm->finish_leases.RemoveWorker(worker), "worker_gone");
+  farm->TakeFramesBack(farm->finish_leases.RemoveWorker(worker), "worker_gone", Farm::Return::kFailed);
   farm->workers.Remove(worker);
   farm->scheduler.workers().Remove(worker);
   if (!farm->is_leasing()) return;
@@ -117,7 +118,8 @@ void WorkerCalls::OnHeartbeat(WorkerId worker, const v1::Heartbeat& heartbeat) {
   const Attempt newest(heartbeat.newest_attempt());
   const absl::Time now = resources_->options.now();
   farm->ReportLate(farm->scheduler.workers().Heartbeat(worker, held, newest, now));
-  farm->TakeFramesBack(farm->finish_leases.Heartbeat(worker, held, newest, now), "dropped");
+  farm->TakeFramesBack(farm->finish_leases.Heartbeat(worker, held, newest, now), "dropped",
+                       Farm::Return::kFailed);
   for (const v1::Lease& lease : heartbeat.held()) {
     const FramePart part = PartOf(job::UnitFromProto(lease.unit()));
     const bool is_leased = farm->finish_leases.Find(worker, part, Attempt(lease.attempt())) != nullptr;
@@ -193,7 +195,8 @@ void WorkerCalls::RefuseUnit(WorkerId worker, const UnitRef& unit, Attempt attem
 
 void WorkerCalls::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt,
                            const scheduler::UnitFailure& failure) {
-  if (IsOfFinishing(unit.key.kind)) return finishing_.TakeBack(worker, unit, attempt, failure.error);
+  if (IsOfFinishing(unit.key.kind))
+    return finishing_.TakeBack(worker, unit, attempt, failure.error, Farm::Return::kFailed);
   FarmState::Change farm(state_);
   const bool has_failed =
       farm->scheduler.units().Fail(worker, unit, attempt, failure, resources_->options.now());
@@ -207,7 +210,8 @@ void WorkerCalls::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt
 void WorkerCalls::HandBack(WorkerId worker, const v1::HandBack& message) {
   for (const v1::Lease& lease : message.leases()) {
     if (IsOfFinishing(lease.unit().kind()))
-      finishing_.TakeBack(worker, job::UnitFromProto(lease.unit()), Attempt(lease.attempt()), "handed_back");
+      finishing_.TakeBack(worker, job::UnitFromProto(lease.unit()), Attempt(lease.attempt()), "handed_back",
+                          Farm::Return::kHandedBack);
   }
   FarmState::Change farm(state_);
   int returned = 0;

@@ -101,6 +101,15 @@ void PrintEvidence() {
     std::cout << absl::StrFormat("| %s | %d | %d | %d |\n", name, result.spoiled_by_jobs,
                                  result.workers_ended, result.innocent_failed);
   }
+  std::cout << "\n| workers | that fail each frame | frames an hour | of what all finish | failures |\n"
+               "|---|---|---|---|---|\n";
+  for (const auto& [workers, failing] :
+       {std::pair{4, 1}, std::pair{8, 1}, std::pair{16, 1}, std::pair{16, 4}}) {
+    const FinishResult all = SimulateFinishing({.workers = workers});
+    const FinishResult result = SimulateFinishing({.workers = workers, .failing_workers = failing});
+    std::cout << absl::StrFormat("| %d | %d | %.0f | %.2f | %d |\n", workers, failing, result.frames_per_hour,
+                                 result.frames_per_hour / all.frames_per_hour, result.failures);
+  }
 }
 
 int Main(int argc, char** argv) {

@@ -119,6 +119,15 @@ TEST(Evidence, ABadJobCostsAWaveOfLeases) {
   }
 }
 
+TEST(FinishSim, AWorkerThatFailsAllFramesCostsItself) {
+  const FinishResult good = SimulateFinishing({.workers = 8});
+  const FinishResult bad = SimulateFinishing({.workers = 8, .failing_workers = 1});
+  EXPECT_GE(bad.frames_per_hour, 0.9 * good.frames_per_hour);
+  EXPECT_GT(bad.failures, 0);
+  // Each time it has as many as it has threads.
+  EXPECT_LE(bad.failures, 2 * (bad.seconds / 300 + 1));
+}
+
 TEST(FinishSim, WorkersThatFinishGrowTheFarmPastItsCoordinator) {
   for (const int workers : {1, 2, 4, 8, 16, 44}) {
     const FinishResult result = SimulateFinishing({.workers = workers});

@@ -113,7 +113,8 @@ class Farm {
     queue_.AddJob(kAnimation, {});
     for (int i = 0; i < settings.workers; ++i) {
       workers_[static_cast<size_t>(i)].idle_threads = settings.worker_threads;
-      leases_.AddWorker(job::WorkerId(i), {.numeric_class = kClass,
+      leases_.AddWorker(job::WorkerId(i), {.party = std::to_string(i),
+                                           .numeric_class = kClass,
                                            .places = settings.workers_finish ? settings.worker_threads : 0,
                                            .memory_bytes = kManyBytes});
     }
@@ -130,6 +131,8 @@ class Farm {
                          (settings_.render_seconds + settings_.finish_seconds);
     result.share = result.frames_per_hour / ideal;
     result.finished_by_workers = static_cast<double>(away_) / frames_;
+    result.failures = failures_;
+    result.seconds = now_;
     result.coordinator_busy = cores_.message_seconds() / (now_ * settings_.coordinator_cores);
     return result;
   }
@@ -216,7 +219,9 @@ class Farm {
       std::optional<RunningFrame> frame = queue_.Begin(Now());
       if (!frame.has_value()) {
         frame = queue_.BeginAway(Now(), [this](const DueFrame&, const server::Claims&) {
-          return leases_.FindPlace(kClass, kFrameBytes, [](job::WorkerId) { return true; });
+          return leases_.FindPlace(kClass, kFrameBytes, [this](job::WorkerId worker) {
+            return !leases_.IsExcluded(worker, kAnimation, Now());
+          });
         });
       }
       if (!frame.has_value()) return;
@@ -239,9 +244,21 @@ class Farm {
         End(part);
       });
     };
+    if (worker.value() < settings_.failing_workers) {
+      cores_.AddMessage(settings_.send_seconds / 2, [this, attempt] { Fail(attempt); });
+      return;
+    }
     cores_.AddMessage(settings_.send_seconds / 2, [this, worker, receive] {
       Give(static_cast<size_t>(worker.value()), {settings_.finish_seconds, receive});
     });
+  }
+  void Fail(job::Attempt attempt) {
+    --away_;
+    ++failures_;
+    const server::FinishLease lease = leases_.End(attempt);
+    queue_.ComeBack(lease.part, Now());
+    leases_.Exclude(lease.party, kAnimation, Now());
+    BeginFrames();
   }
   void End(const FramePart& part) {
     queue_.End(part, Now());
@@ -263,6 +280,7 @@ class Farm {
   int64_t next_unit_ = 0;
   int64_t attempts_ = 0;
   int away_ = 0;
+  int failures_ = 0;
 };
 
 }  // namespace

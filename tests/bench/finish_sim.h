@@ -18,6 +18,8 @@ struct FinishSettings {
   double send_seconds = .09;
   int units = 24;  // of a frame
   bool workers_finish = true;
+  /// So many workers render, but fail each frame that they are to finish, as soon as they have it.
+  int failing_workers = 0;
   /// A design that is not built: each thread of a worker renders and finishes a frame by itself and sends the
   /// file alone, as long as more frames are left than threads; those go by units.
   bool in_place = false;
@@ -31,6 +33,8 @@ struct FinishResult {
   double share = 0;
   double finished_by_workers = 0;  // share of the frames
   double coordinator_busy = 0;     // share of its cores, for messages
+  int failures = 0;                // of workers, to finish a frame
+  double seconds = 0;              // all of it
 };
 
 /// Plays it in virtual time with the coordinator's own queue and leases (FrameQueue, FinishLeases). Workers

@@ -23,8 +23,10 @@ constexpr char kOneClass[] = "class-1";
 class FinishLeasesTest : public testing::Test {
  protected:
   FinishLeasesTest() {
-    leases_.AddWorker(kFirst, {.numeric_class = kOneClass, .places = 2, .memory_bytes = 250});
-    leases_.AddWorker(kSecond, {.numeric_class = kOneClass, .places = 1, .memory_bytes = 1000});
+    leases_.AddWorker(kFirst,
+                      {.party = "first", .numeric_class = kOneClass, .places = 2, .memory_bytes = 250});
+    leases_.AddWorker(kSecond,
+                      {.party = "second", .numeric_class = kOneClass, .places = 1, .memory_bytes = 1000});
     leases_.AddWorker(kNone, {.numeric_class = kOneClass, .places = 0, .memory_bytes = 1000});
   }
 
@@ -145,6 +147,23 @@ TEST_F(FinishLeasesTest, DoesNotEndWhileItsResultIsRecorded) {
   EXPECT_THAT(Hear(kFirst, {}, 7, absl::Seconds(1)), IsEmpty());
   EXPECT_THAT(leases_.RemoveWorker(kFirst), IsEmpty());
   EXPECT_TRUE(leases_.IsDelivered(Attempt(7)));
+}
+
+TEST_F(FinishLeasesTest, APartyThatFailsAFrameGetsNoneOfThatJobForAWhile) {
+  const JobId job("j-1");
+  Grant(1, kFirst, 0);
+  leases_.Exclude(leases_.End(Attempt(1)).party, job, kGranted);
+  EXPECT_TRUE(leases_.IsExcluded(kFirst, job, kGranted));
+  EXPECT_FALSE(leases_.IsExcluded(kFirst, JobId("j-2"), kGranted));
+  leases_.RemoveWorker(kFirst);
+  const WorkerId again(9);
+  leases_.AddWorker(again, {.party = "first", .numeric_class = kOneClass, .places = 2, .memory_bytes = 250});
+  EXPECT_TRUE(leases_.IsExcluded(again, job, kGranted)) << "its next process is the same party";
+  leases_.Exclude("second", job, kGranted);
+  EXPECT_FALSE(leases_.IsExcluded(kSecond, job, kGranted)) << "half of them are";
+  EXPECT_FALSE(leases_.IsExcluded(again, job, kGranted + absl::Minutes(5)));
+  leases_.Exclude("second", job, kGranted + absl::Minutes(5));
+  EXPECT_TRUE(leases_.IsExcluded(kSecond, job, kGranted + absl::Minutes(5)));
 }
 
 }  // namespace

@@ -100,8 +100,8 @@ class Farm {
   void QueueDue(const FrameKey& frame);
   /// Takes the next frame that may be finished now, by this coordinator or by a worker, which is told so.
   std::optional<RunningFrame> BeginFrame(absl::Time now);
-  /// Ends leases to finish frames, which come back; their workers are told, and those that failed are excluded
-  /// (FinishLeases::Exclude).
+  /// Ends leases to finish frames, which come back; their workers are told, and those that failed are
+  /// excluded (FinishLeases::Exclude).
   enum class Return { kFailed, kHandedBack };
   void TakeFramesBack(const std::vector<job::Attempt>& leases, std::string_view reason, Return how);
   /// Bounds the frames in flight by what the machine has and all jobs demand.

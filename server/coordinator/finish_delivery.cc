@@ -71,7 +71,8 @@ v1::StageTimes StoredTimes(const v1::StageTimes& told) {
   return times;
 }
 
-/// What is recorded of a worker's announcement. Errors: kInvalidArgument without an estimated error that is due.
+/// What is recorded of a worker's announcement.
+/// Errors: kInvalidArgument without an estimated error that is due.
 absl::StatusOr<v1::FrameReport> ReportOf(const v1::ResultAnnouncement& announcement, const FramePart& part,
                                          const v1::JobSpec& spec) {
   v1::FrameReport report;

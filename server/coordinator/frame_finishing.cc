@@ -30,7 +30,7 @@ constexpr absl::Duration kIdleInterval = absl::Seconds(1);
 std::string PathOf(const DataFolder& folder, const FramePart& part) {
   const auto& [job, number] = part.frame;
   if (part.IsBlock()) return folder.BlockPath(job, number, part.block);
-  return part.IsEstimate() ? folder.ErrorsPath(job, number, part.round) : folder.ResultPath(job, number);
+  return part.IsEstimate() ? ErrorsPath(folder, job, number, part.round) : folder.ResultPath(job, number);
 }
 
 std::optional<double> EstimatedErrorOf(const v1::FrameReport& report) {

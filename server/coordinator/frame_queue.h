@@ -138,8 +138,8 @@ struct JobFrames {
 /// Users and jobs share the finisher as they share workers (scheduler::FairShare): what counts is the frames
 /// that are being finished and, once they are, the time of their threads. The frames of a job go in the order
 /// in which they became due. A frame alone gets all threads; of several, each gets its part. Frames for which
-/// this coordinator has no place go to workers that have one. The blocks of a frame of several are such frames,
-/// too, where workers can take any; once all are here this coordinator makes the result of them.
+/// this coordinator has no place go to workers that have one. So do the blocks of a frame of several, where
+/// workers can take any; once all are here this coordinator makes the result of them.
 /// Threads: one at a time.
 class FrameQueue {
  public:

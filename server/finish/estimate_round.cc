@@ -74,7 +74,7 @@ absl::StatusOr<TimedErrors> ErrorsOfRound(const DataFolder& folder, const RoundT
   if (what.filtered.has_value()) {
     const uint64_t bytes = ErrorBytesOf(spec);
     const absl::StatusOr<std::string> file =
-        ReadFile(folder.ErrorsPath(what.job, what.frame, what.round), static_cast<int64_t>(bytes));
+        ReadFile(ErrorsPath(folder, what.job, what.frame, what.round), static_cast<int64_t>(bytes));
     absl::StatusOr<std::vector<double>> errors =
         file.ok() ? ErrorsOfBytes(*file, bytes / sizeof(double)) : file.status();
     if (errors.ok()) return TimedErrors{*std::move(errors), *what.filtered};
@@ -102,6 +102,10 @@ double BudgetOf(const RoundToEstimate& what, const v1::JobSpec& spec, const job:
 }
 
 }  // namespace
+
+std::string ErrorsPath(const DataFolder& folder, const job::JobId& job, int32_t frame, int round) {
+  return absl::StrCat(folder.ResultPath(job, frame), ".round-", round, kPartialSuffix);
+}
 
 absl::StatusOr<v1::RoundEstimates> ReadEstimates(const std::string& path) {
   absl::StatusOr<std::string> bytes = rpc::ReadCheckedFile(path, kRoundsFile);

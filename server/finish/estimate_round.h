@@ -26,6 +26,10 @@ absl::StatusOr<v1::RoundEstimates> ReadEstimates(const std::string& path);
 absl::StatusOr<job::FrameRounds> ReadRounds(const DataFolder& folder, const job::JobId& job,
                                             const v1::JobSpec& spec, int32_t frame);
 
+/// Errors of a round that a worker has estimated, until the estimate is recorded; the next start removes
+/// them.
+std::string ErrorsPath(const DataFolder& folder, const job::JobId& job, int32_t frame, int round);
+
 struct RoundToEstimate {
   job::JobId job;
   /// In which the caller owns the job.
@@ -36,7 +40,7 @@ struct RoundToEstimate {
   absl::Duration rendered = {};
   /// Camera samples of the job that were committed then, of all its frames.
   int64_t samples = 0;
-  /// A worker has filtered the round in this time, and its errors are at DataFolder::ErrorsPath.
+  /// A worker has filtered the round in this time, and its errors are at ErrorsPath.
   std::optional<absl::Duration> filtered = std::nullopt;
 };
 

@@ -27,8 +27,8 @@ absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::Jo
                                             const std::vector<int>& ready = {},
                                             const FilterProgress& progress = nullptr);
 
-/// Writes the picture of one block of a committed frame to DataFolder::BlockPath, by MakeBlock: the bytes that
-/// a worker would deliver. Returns its time, measured with `now`.
+/// Writes the picture of one block of a committed frame to DataFolder::BlockPath, by MakeBlock: the bytes
+/// that a worker would deliver. Returns its time, measured with `now`.
 /// Errors: as FinishFrame. Threads: as FinishFrame, for different blocks.
 absl::StatusOr<v1::FrameReport> FilterBlock(const DataFolder& folder, ledger::JobStore& store,
                                             const ledger::OwnedJob& job, int32_t frame, int block,

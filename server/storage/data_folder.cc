@@ -119,8 +119,4 @@ std::string DataFolder::BlockPath(const job::JobId& job, int32_t frame, int bloc
   return absl::StrCat(ResultPath(job, frame), ".block-", block, kPartialSuffix);
 }
 
-std::string DataFolder::ErrorsPath(const job::JobId& job, int32_t frame, int round) const {
-  return absl::StrCat(ResultPath(job, frame), ".round-", round, kPartialSuffix);
-}
-
 }  // namespace lumifold::server

@@ -83,8 +83,6 @@ class DataFolder {
   /// A block of the picture that a worker has filtered, until the result is made of it; the next start
   /// removes it.
   std::string BlockPath(const job::JobId& job, int32_t frame, int block) const;
-  /// Errors of a round that a worker has estimated, likewise.
-  std::string ErrorsPath(const job::JobId& job, int32_t frame, int round) const;
   /// Record of the rounds of a frame with adaptive sampling.
   std::string RoundsPath(const job::JobId& job, int32_t frame) const;
 

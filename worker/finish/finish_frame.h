@@ -14,8 +14,8 @@ namespace lumifold::worker {
 /// the errors of one of its rounds: the bytes are those that the coordinator would write. No file is written;
 /// units and result lie in memory.
 /// `numeric_class`: that of the worker, which is the job's.
-/// Errors: those of FrameLink, MakePicture and job::FrameRounds::Replay; kResourceExhausted without memory; kCancelled once
-/// control->stop is true, between its stages.
+/// Errors: those of FrameLink, MakePicture and job::FrameRounds::Replay; kResourceExhausted without memory;
+/// kCancelled once control->stop is true, between its stages.
 /// Threads: safe concurrently.
 absl::Status FinishFrame(const v1::JobSpec& spec, const std::string& numeric_class, const v1::Lease& lease,
                          FrameLink* link, UnitControl* control);

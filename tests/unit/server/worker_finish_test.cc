@@ -166,7 +166,7 @@ class AdaptiveFinishTest : public CommittedFrameFixture {
   }
   void Write(const std::string& errors, int round) const {
     EXPECT_TRUE(MakeFolder(folder_.ResultsPath(job_)).ok());
-    std::ofstream(folder_.ErrorsPath(job_, 0, round), std::ios::binary) << errors;
+    std::ofstream(ErrorsPath(folder_, job_, 0, round), std::ios::binary) << errors;
   }
 
   const JobId job_{"j-1"};

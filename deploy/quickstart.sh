@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# From a fresh Debian 12 or 13 to a filtered picture: installs what is missing, builds, renders the Cornell box through coordinator,
-# worker and filter in one process, and says where the pictures are and what the filter gained. Needs root or sudo the first time.
+# From a fresh Debian 12 or 13 to a filtered picture: installs what is missing, builds, renders the Cornell
+# box through coordinator, worker and filter in one process, and says where the pictures are and what the
+# filter gained. Needs root or sudo the first time.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -20,7 +21,8 @@ out=build/quickstart
 # The same picture for people to look at: a conversion, nothing is rendered again.
 "$bin/lumifold" convert "$out/cornell-box.exr" -o "$out/cornell-box.png"
 
-# Mean squared error on the scale of 0..255, against a reference of 1024 samples per pixel, rounded to 8 significant bits.
+# Mean squared error on the scale of 0..255, against a reference of 1024 samples per pixel, rounded to 8
+# significant bits.
 mse() { "$bin/lumifold" compare "$out/cornell-box.exr" deploy/cornell-box-reference.exr "$@" | sed -n 's/^MSE255 *//p'; }
 cat <<EOT
 

@@ -37,7 +37,8 @@ if [ "$(id -u)" != 0 ]; then
 fi
 echo "setup: installing ${missing[*]}" >&2
 export DEBIAN_FRONTEND=noninteractive
-# An installation that was interrupted, whoever began it, is brought to its end: apt-get refuses to work before.
+# An installation that was interrupted, whoever began it, is brought to its end: apt-get refuses to work
+# before.
 "${as_root[@]}" dpkg --configure -a >&2
 "${as_root[@]}" apt-get update -qq >&2
 "${as_root[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >&2

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# clang-format on all C++ files (check only), clang-tidy on those changed since LUMIFOLD_TIDY_BASE (--changed) or on all (--all).
-# Both of LLVM 19, which Debian 12 and 13 have: other versions format and find otherwise.
+# clang-format on all C++ files (check only), clang-tidy on those changed since LUMIFOLD_TIDY_BASE (--changed)
+# or on all (--all). Both of LLVM 19, which Debian 12 and 13 have: other versions format and find otherwise.
 # Clang's static analyzer, a part of clang-tidy, follows calls with --all only: that takes half of the time.
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -2,8 +2,8 @@
 # Installs what the tests need, builds, and runs every test.
 #   tests/run.sh          the gate: all but the tests labelled "slow"
 #   tests/run.sh --full   those too, the sanitizer builds, and clang-tidy on every file
-# LUMIFOLD_SCENES_DIR names a folder with real scenes; tests that need one say so and skip where it is not set.
-# LUMIFOLD_TIDY_BASE names the commit clang-tidy compares with (default: the last one).
+# LUMIFOLD_SCENES_DIR names a folder with real scenes; tests that need one say so and skip where it is not
+# set. LUMIFOLD_TIDY_BASE names the commit clang-tidy compares with (default: the last one).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Prints the Debian packages of the shared libraries that PROGRAM names, a line each: what an image of it installs.
+# Prints the Debian packages of the shared libraries that PROGRAM names, a line each: what an image of it
+# installs.
 #   deploy/container/runtime_packages.sh PROGRAM
 set -euo pipefail
 program=$1

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# The documents of a Debian package, in the folder `share`: manual pages and completion as the program prints them, changelogs, and
-# the inventory of the libraries it is linked with. With the client comes the Blender add-on.
+# The documents of a Debian package, in the folder `share`: manual pages and completion as the program prints
+# them, changelogs, and the inventory of the libraries it is linked with.
+# With the client comes the Blender add-on.
 #   documents.sh PACKAGE BIN SHARE CONTACT
 set -euo pipefail
 package=$1 bin=$2 share=$3 contact=$4

@@ -1,5 +1,6 @@
 #!/bin/sh
-# Writes down what the program says now as what it should say: tests/cli/approve.sh [BIN_DIR]. Look at the difference before you commit it.
+# Writes down what the program says now as what it should say: tests/cli/approve.sh [BIN_DIR]. Look at the
+# difference before you commit it.
 set -eu
 cd "$(dirname "$0")"
 LUMIFOLD_BIN_DIR=$(cd "${1:-../../build/release/bin}" && pwd)

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs the filter library of a build folder into a folder of its own, then configures, builds and runs a foreign
-# project against the install: tests/consumer/run.sh BUILD_DIR
+# Installs the filter library of a build folder into a folder of its own, then configures, builds and runs a
+# foreign project against the install: tests/consumer/run.sh BUILD_DIR
 set -euo pipefail
 build=$(cd "${1:?usage: tests/consumer/run.sh BUILD_DIR}" && pwd)
 here=$(cd "$(dirname "$0")" && pwd)

@@ -12,7 +12,8 @@ from farm import BIN, PATIENCE_SECONDS, Farm, make_scene, wait_until
 from slow_proxy import SlowProxy
 
 OUTAGE_SECONDS = 30
-# The longest pause of 5 s, gRPC's jitter of 20 % and time for a busy machine; 13 with the pauses of gRPC itself.
+# The longest pause of 5 s, gRPC's jitter of 20 % and time for a busy machine; 13 with the pauses of gRPC
+# itself.
 LATEST_RETURN_SECONDS = 12
 
 

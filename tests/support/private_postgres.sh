@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Runs a PostgreSQL server for one test, on a Unix socket in a folder of its own, as user postgres where this is root.
-# With an address as its argument it also listens there, for clients of that network.
-# Prints the URI of an empty database, whose password is "secret/word". Then obeys the lines "stop" (as by a power cut)
-# and "start" on standard input, and answers each with "done". At the end of its input it removes everything.
-# Ends with 77 where PostgreSQL is not installed.
+# Runs a PostgreSQL server for one test, on a Unix socket in a folder of its own, as user postgres where this
+# is root. With an address as its argument it also listens there, for clients of that network. Prints the URI
+# of an empty database, whose password is "secret/word". Then obeys the lines "stop" (as by a power cut) and
+# "start" on standard input, and answers each with "done". At the end of its input it removes everything. Ends
+# with 77 where PostgreSQL is not installed.
 set -euo pipefail
 
 for bin in $(ls -d /usr/lib/postgresql/*/bin 2>/dev/null | sort -rV) "$(dirname "$(command -v initdb || echo /none/initdb)")"; do

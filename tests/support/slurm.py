@@ -25,7 +25,8 @@ SlurmctldPort={ctld_port}
 SlurmdPort={d_port}
 AuthType=auth/munge
 CredType=cred/munge
-# How long a requeued job waits before it may start again: its old credentials must have expired (default: 120).
+# How long a requeued job waits before it may start again: its old credentials must have expired (default:
+# 120).
 AuthInfo=socket={folder}/munge/socket,cred_expire={cred_expire}
 SlurmUser=root
 SlurmdUser=root

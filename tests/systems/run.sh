@@ -9,8 +9,9 @@
 #   tests       tests/run.sh
 #   cross       compiles the programs and the renderer's tests for arm64, and runs them in an emulator: the only step of arm64
 #   gate        for tests/run.sh of this system: builds everything and renders a picture, where `all` has passed once
-# Roots are kept, with what was built in them, below LUMIFOLD_SYSTEMS_DIR (default: ~/.cache/lumifold/systems). The sources are
-# those of the working tree. Exit code 77: it cannot run here, and says why.
+# Roots are kept, with what was built in them, below LUMIFOLD_SYSTEMS_DIR (default:
+# ~/.cache/lumifold/systems). The sources are those of the working tree. Exit code 77: it cannot run here, and
+# says why.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
@@ -56,7 +57,8 @@ copy_sources() {
   if [ -n "${LUMIFOLD_SCENES_DIR:-}" ]; then rsync -rl "$LUMIFOLD_SCENES_DIR/" "$root/scenes/"; fi
 }
 
-# The tools of this processor, and the libraries of arm64. What is the same on all has no architecture in its name.
+# The tools of this processor, and the libraries of arm64. What is the same on all has no architecture in its
+# name.
 install_cross='
   tools=(crossbuild-essential-arm64 cmake ninja-build ccache pkg-config protobuf-compiler protobuf-compiler-grpc qemu-user python3
          libgtest-dev libgmock-dev:arm64 libbenchmark-dev:arm64)
@@ -91,7 +93,8 @@ run_step() {
   esac
 }
 
-# Whoever interrupts a step leaves a root in which little is built: no part of the gate, which would build the rest.
+# Whoever interrupts a step leaves a root in which little is built: no part of the gate, which would build the
+# rest.
 passed=$(dirname "$root")/passed
 [ "$step" != gate ] || [ -e "$passed" ] || skip "$system has not passed here before (tests/systems/run.sh $system)"
 [ -d "$root" ] || make_root

@@ -1,4 +1,5 @@
-# Compiles for arm64 on another processor, with Debian's cross compiler and its libraries for arm64 (preset arm64).
+# Compiles for arm64 on another processor, with Debian's cross compiler and its libraries for arm64 (preset
+# arm64).
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)
 set(CMAKE_C_COMPILER aarch64-linux-gnu-gcc)

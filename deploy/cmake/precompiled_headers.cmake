@@ -1,15 +1,15 @@
-# Precompiled headers: most of the compile time of this project is the parsing of the same few headers of the standard
-# library, absl, GoogleTest, gRPC and protobuf. Each set is compiled once and used by many targets. Sources still
-# include what they use: the structure tests and clang-tidy compile without these sets.
+# Precompiled headers: most of the compile time of this project is the parsing of the same few headers of the
+# standard library, absl, GoogleTest, gRPC and protobuf. Each set is compiled once and used by many targets.
+# Sources still include what they use: the structure tests and clang-tidy compile without these sets.
 #
 #   lumifold_precompiled(NAME [PROGRAM] HEADERS ... [LINK ...])  makes the set NAME; PROGRAM: for programs (-fPIE)
 #   lumifold_use_precompiled(TARGET NAME)                        compiles TARGET with it
 #   lumifold_merge_sources(TARGET)                               compiles several sources of TARGET at a time
 #
-# What is left with them is mostly the same templates, instantiated again in each source that has gRPC's headers: many
-# times what the source itself costs. Targets with many such sources are MERGED. Names in the unnamed namespaces of
-# sources compiled together must differ. Code of pictures is not merged: it is cheap, and an overload that a neighbour
-# brings could change a picture.
+# What is left with them is mostly the same templates, instantiated again in each source that has gRPC's
+# headers: many times what the source itself costs. Targets with many such sources are MERGED. Names in the
+# unnamed namespaces of sources compiled together must differ. Code of pictures is not merged: it is cheap,
+# and an overload that a neighbour brings could change a picture.
 option(LUMIFOLD_PCH "Use precompiled headers" ON)
 option(LUMIFOLD_MERGE "Compile sources of MERGED targets several at a time: quicker for all, slower for one" ON)
 
@@ -21,8 +21,8 @@ function(lumifold_precompiled name)
   set(source ${PROJECT_BINARY_DIR}/precompiled/${name}.cc)  # CMake needs one to find the language
   file(CONFIGURE OUTPUT ${source} CONTENT "")
   add_library(precompiled_${name} OBJECT ${source})
-  # ccache would take the set of the last build, which is still there, for the content of this one, and return a set of
-  # headers that have changed since.
+  # ccache would take the set of the last build, which is still there, for the content of this one, and return
+  # a set of headers that have changed since.
   set_target_properties(precompiled_${name} PROPERTIES
     CXX_COMPILER_LAUNCHER "${PROJECT_SOURCE_DIR}/deploy/cmake/without_old_output.sh;${CMAKE_CXX_COMPILER_LAUNCHER}")
   target_precompile_headers(precompiled_${name} PRIVATE ${ARG_HEADERS})
@@ -55,6 +55,6 @@ set(common_headers
 set(farm_headers
   <grpcpp/grpcpp.h> <absl/strings/str_format.h> <absl/synchronization/mutex.h> <absl/time/time.h>
   <lumifold/v1/farm.pb.h> <lumifold/v1/worker.pb.h>)
-# gcc instantiates the templates that the inline functions of a set name again in every source: those of the stubs take
-# half a second, so that only the tests, most of which use stubs, have them.
+# gcc instantiates the templates that the inline functions of a set name again in every source: those of the
+# stubs take half a second, so that only the tests, most of which use stubs, have them.
 set(stub_headers <lumifold/v1/farm.grpc.pb.h> <lumifold/v1/worker.grpc.pb.h>)

@@ -37,8 +37,8 @@ endforeach()
 # OpenCL's loader is looked for when the program runs.
 set(CPACK_DEBIAN_LUMIFOLD_PACKAGE_SUGGESTS ocl-icd-libopencl1)
 
-# A service's unit, options, and scripts that tell systemd. The coordinator begins to listen, on loopback, when it is installed;
-# the others need to know a coordinator first.
+# A service's unit, options, and scripts that tell systemd. The coordinator begins to listen, on loopback,
+# when it is installed; the others need to know a coordinator first.
 foreach(package IN LISTS lumifold_services)
   string(TOUPPER ${package} component)
   install(FILES ${PROJECT_SOURCE_DIR}/deploy/systemd/${package}.service DESTINATION lib/systemd/system COMPONENT ${package})

@@ -1,6 +1,7 @@
-# lumifold_write_target_graph(FILE): writes what CMake knows of our targets, for tests/structure/include_direction.py.
-# One line a target, fields parted by tabs: name, type, folder, sources, what it links, what those who link it get.
-# Lists are parted by semicolons; folders and sources are relative to the project.
+# lumifold_write_target_graph(FILE): writes what CMake knows of our targets, for
+# tests/structure/include_direction.py. One line a target, fields parted by tabs: name, type, folder, sources,
+# what it links, what those who link it get. Lists are parted by semicolons; folders and sources are relative
+# to the project.
 function(lumifold_targets_below folder result)
   get_property(targets DIRECTORY ${folder} PROPERTY BUILDSYSTEM_TARGETS)
   get_property(subfolders DIRECTORY ${folder} PROPERTY SUBDIRECTORIES)

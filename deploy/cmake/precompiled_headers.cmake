@@ -13,6 +13,15 @@
 option(LUMIFOLD_PCH "Use precompiled headers" ON)
 option(LUMIFOLD_MERGE "Compile sources of MERGED targets several at a time: quicker for all, slower for one" ON)
 
+# The options of programs that use a set.
+function(lumifold_program_optimisation name result)
+  if(name STREQUAL farm_test)
+    set(${result} lumifold_farm_test_options PARENT_SCOPE)
+  else()
+    set(${result} lumifold_program_options PARENT_SCOPE)
+  endif()
+endfunction()
+
 function(lumifold_precompiled name)
   cmake_parse_arguments(ARG "PROGRAM" "" "HEADERS;LINK" ${ARGN})
   if(NOT LUMIFOLD_PCH)
@@ -28,7 +37,8 @@ function(lumifold_precompiled name)
   target_precompile_headers(precompiled_${name} PRIVATE ${ARG_HEADERS})
   target_link_libraries(precompiled_${name} PRIVATE lumifold_options ${ARG_LINK})
   if(ARG_PROGRAM)
-    target_link_libraries(precompiled_${name} PRIVATE lumifold_program_options)
+    lumifold_program_optimisation(${name} optimisation)
+    target_link_libraries(precompiled_${name} PRIVATE ${optimisation})
     # gcc takes a set only with the -fPIC or -fPIE that it was made with.
     set_target_properties(precompiled_${name} PROPERTIES POSITION_INDEPENDENT_CODE OFF)
     target_compile_options(precompiled_${name} PRIVATE -fPIE)

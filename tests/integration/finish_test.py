@@ -230,6 +230,7 @@ class BlocksTest(unittest.TestCase):
                 Farm(data, *server_options) as farm:
             scene = make_scene("cornell-box", root)
             workers = [farm.start_worker(*options, threads=1) for options in worker_options]
+            wait_until(lambda: farm.server.log_text().count("event=worker_connected") == len(workers), "all workers")
             job = farm.client("submit", scene, *self.WIDE, *submit_options).stdout.strip()
             meanwhile(farm, workers)
             farm.client("wait", job)

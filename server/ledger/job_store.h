@@ -249,6 +249,10 @@ class JobStore {
   /// Records that a frame's result is written, and adds `times` to those of the job. The frame's units are no
   /// longer visited; PurgeUnits deletes their rows. No effect for a frame that is already recorded.
   virtual absl::Status RecordFrame(const OwnedJob& job, int32_t frame, const v1::FrameReport& report) = 0;
+  /// The same where a worker has kept the frame's units: in one transaction they are counted as CommitUnits
+  /// counts, each once, without rows. Errors: also kAlreadyExists where units of the frame are committed.
+  virtual absl::Status RecordKeptFrame(const JobCommit& units, int32_t frame,
+                                       const v1::FrameReport& report) = 0;
   /// Recorded frames of a job, in ascending order.
   virtual absl::StatusOr<std::vector<int32_t>> FinishedFrames(const job::JobId& job) = 0;
   /// Names of the workers that delivered committed units of a job, of recorded frames, too.

@@ -321,4 +321,15 @@ absl::StatusOr<std::vector<absl::Status>> CommitJobs(SqlConnection& db, absl::Sp
   return outcomes;
 }
 
+absl::Status CountKept(SqlConnection& db, int64_t job, const JobCommit& commit) {
+  if (absl::Status status = CheckAttempts(commit); !status.ok()) return status;
+  std::vector<Plan> plans(1);
+  plans.front() = {.commit = &commit, .job = job, .outcome = {}, .units = {}};
+  for (const UnitRecord& unit : commit.units) plans.front().units.push_back(&unit);
+  if (absl::Status status = CountFilms(db, plans).status(); !status.ok()) return status;
+  if (absl::Status status = NumberWorkers(db, plans).status(); !status.ok()) return status;
+  if (absl::Status status = CountJobs(db, plans); !status.ok()) return status;
+  return AddUsage(db, WorkOf(plans));
+}
+
 }  // namespace lumifold::ledger

@@ -34,6 +34,7 @@ class SqlJobStore final : public JobStore, private DeliveryQueue {
   absl::Status ForEachUnit(const JobId& job, std::optional<int32_t> frame,
                            absl::FunctionRef<void(const UnitRecord&)> visit) override;
   absl::Status RecordFrame(const OwnedJob& job, int32_t frame, const v1::FrameReport& report) override;
+  absl::Status RecordKeptFrame(const JobCommit& units, int32_t frame, const v1::FrameReport& report) override;
   absl::StatusOr<std::vector<int32_t>> FinishedFrames(const JobId& job) override;
   absl::StatusOr<std::vector<std::string>> DeliverersOf(const JobId& job) override;
   absl::Status EndJob(const OwnedJob& job, const JobEnd& end) override;
@@ -164,6 +165,24 @@ absl::Status SqlJobStore::ForEachUnit(const JobId& job, std::optional<int32_t> f
 absl::Status SqlJobStore::RecordFrame(const OwnedJob& job, int32_t frame, const v1::FrameReport& report) {
   return ChangeOwnedJob(
       job, [&](SqlConnection& db, int64_t number) { return FinishFilm(db, number, frame, report); });
+}
+
+absl::Status SqlJobStore::RecordKeptFrame(const JobCommit& units, int32_t frame,
+                                          const v1::FrameReport& report) {
+  return ChangeOwnedJob(units.job, [&](SqlConnection& db, int64_t number) -> absl::Status {
+    bool is_finished = false;
+    int64_t committed = 0;
+    absl::Status status = db.Query("SELECT finished, units FROM films WHERE job = $1 AND frame = $2",
+                                   {number, frame}, [&](SqlRow& row) {
+                                     is_finished = row.Int() != 0;
+                                     committed = row.Int();
+                                   });
+    if (!status.ok() || is_finished) return status;
+    if (committed > 0)
+      return absl::AlreadyExistsError(absl::StrCat("frame ", frame, " has units that are committed"));
+    status = FinishFilm(db, number, frame, report);  // first: its units have no rows to be deleted
+    return status.ok() ? CountKept(db, number, units) : status;
+  });
 }
 
 absl::StatusOr<std::vector<int32_t>> SqlJobStore::FinishedFrames(const JobId& job) {

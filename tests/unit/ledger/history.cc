@@ -1,6 +1,7 @@
 #include "tests/unit/ledger/history.h"
 
 #include <algorithm>
+#include <map>
 #include <random>
 #include <utility>
 
@@ -69,7 +70,8 @@ class Generator {
     const int kind = Below(100);
     if (kind < 40) return CommitStep();
     if (kind < 50) return CreateStep();
-    if (kind < 60) return FrameStep();
+    if (kind < 57) return FrameStep();
+    if (kind < 60) return KeptStep();
     if (kind < 66) return RevokeStep();
     if (kind < 72) return EndStep();
     if (kind < 78) return ReopenStep();
@@ -147,6 +149,22 @@ class Generator {
     if (Below(2) == 0) report.set_estimated_error(Below(100));
     return {"frame", [job = Owned(AnyJob(), AnyEpoch()), frame = Below(3), report](JobStore& store) {
               return Outcome(store.RecordFrame(job, frame, report));
+            }};
+  }
+  Step KeptStep() {
+    JobCommit units = AnyCommit();
+    const int32_t frame = Below(3);
+    std::map<job::UnitKey, UnitRecord> of_frame;
+    for (UnitRecord& unit : units.units) {
+      unit.unit.key.frame = frame;
+      of_frame.emplace(unit.unit.key, unit);
+    }
+    units.units.clear();
+    for (const auto& [key, unit] : of_frame) units.units.push_back(unit);
+    v1::FrameReport report;
+    report.mutable_times()->set_filter_seconds(Below(5));
+    return {"kept", [units, frame, report](JobStore& store) {
+              return Outcome(store.RecordKeptFrame(units, frame, report));
             }};
   }
   Step RevokeStep() {

@@ -370,6 +370,34 @@ TEST_P(JobStoreTest, FramesAreRecordedOnceAndTheirUnitsGo) {
   EXPECT_THAT(Text(late), HasSubstr("j-a frame 1 tile 0 pass 0"));
 }
 
+TEST_P(JobStoreTest, AKeptFrameIsRecordedWithItsUnitsOrNotAtAll) {
+  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
+  JobCommit kept = Commit("j-a", {Unit("j-a", 1, 0, 0), Unit("j-a", 1, 1, 0)});
+  kept.numeric_class = "avx2";
+  kept.warnings = {"a warning"};
+  kept.units[0].bad_samples = 2;
+  kept.units[1].cost = {kStart, 2.5};
+  v1::FrameReport report;
+  report.mutable_times()->set_filter_seconds(2.0);
+  for (int i = 0; i < 2; ++i) ASSERT_TRUE(store_->RecordKeptFrame(kept, 1, report).ok()) << "repeated";
+  const JobRecord job = Get("j-a");
+  EXPECT_EQ(job.done.frames, 1);
+  EXPECT_EQ(job.done.units, 2);
+  EXPECT_EQ(job.done.bad_samples, 3);
+  EXPECT_EQ(job.numeric_class, "avx2");
+  EXPECT_EQ(job.times.filter_seconds(), 2.0);
+  EXPECT_THAT(job.warnings, ElementsAre("a warning"));
+  EXPECT_THAT(*store_->FinishedFrames(JobId("j-a")), ElementsAre(1));
+  EXPECT_THAT(*store_->DeliverersOf(JobId("j-a")), ElementsAre("host:17"));
+  EXPECT_THAT(Units("j-a"), IsEmpty());
+  EXPECT_EQ(store_->PurgeUnits(100).value_or(-1), 0) << "it has no rows";
+  ASSERT_TRUE(CommitOne(Commit("j-a", {Unit("j-a", 2, 0, 0)})).ok());
+  const JobCommit other = Commit("j-a", {Unit("j-a", 2, 1, 0)});
+  EXPECT_EQ(store_->RecordKeptFrame(other, 2, report).code(), StatusCode::kAlreadyExists);
+  EXPECT_EQ(Get("j-a").done.frames, 1);
+  EXPECT_EQ(Get("j-a").done.units, 3);
+}
+
 TEST_P(JobStoreTest, RowsOfUnitsGoInSmallBatches) {
   ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
   std::vector<UnitRecord> units;

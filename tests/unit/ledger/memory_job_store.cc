@@ -162,6 +162,19 @@ class MemoryJobStore final : public JobStore {
     return absl::OkStatus();
   }
 
+  absl::Status RecordKeptFrame(const JobCommit& units, int32_t number,
+                               const v1::FrameReport& report) override {
+    StoredJob* job = Find(units.job.job);
+    if (absl::Status status = CheckOwned(units.job, job); !status.ok()) return status;
+    if (const auto frame = job->frames.find(number); frame != job->frames.end()) {
+      if (frame->second.is_finished) return absl::OkStatus();
+      if (!frame->second.units.empty()) return absl::AlreadyExistsError("it has units");
+    }
+    if (absl::Status status = CommitJob(units); !status.ok()) return status;
+    garbage_ -= static_cast<int64_t>(units.units.size());  // they have no rows
+    return RecordFrame(units.job, number, report);
+  }
+
   absl::Status RecordFrame(const OwnedJob& owned, int32_t number, const v1::FrameReport& report) override {
     StoredJob* job = Find(owned.job);
     if (absl::Status status = CheckOwned(owned, job); !status.ok()) return status;

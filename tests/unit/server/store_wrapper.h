@@ -51,6 +51,10 @@ class StoreWrapper : public ledger::JobStore {
                            const v1::FrameReport& report) override {
     return Call("RecordFrame", [&] { return store_->RecordFrame(job, frame, report); });
   }
+  absl::Status RecordKeptFrame(const ledger::JobCommit& units, int32_t frame,
+                               const v1::FrameReport& report) override {
+    return Call("RecordKeptFrame", [&] { return store_->RecordKeptFrame(units, frame, report); });
+  }
   absl::StatusOr<std::vector<int32_t>> FinishedFrames(const job::JobId& job) override {
     return Call("FinishedFrames", [&] { return store_->FinishedFrames(job); });
   }

@@ -10,6 +10,7 @@
 #include "server/scheduler/free_units.h"
 #include "server/scheduler/job_frames.h"
 #include "server/scheduler/job_units.h"
+#include "server/scheduler/kept_frames.h"
 #include "server/scheduler/types.h"
 #include "server/scheduler/unit_index.h"
 
@@ -43,6 +44,7 @@ struct Job {
   FreeUnits free;
   JobLeases leases;
   double audit_share;
+  KeepDemand keep{};
   bool paused;
   bool is_bound = false;  // a unit was accepted
 };
@@ -67,6 +69,10 @@ class ActiveJobs {
   std::map<int64_t, Job>& all() { return jobs_; }
   const std::map<int64_t, Job>& all() const { return jobs_; }
 
+  /// Which of their frames workers keep.
+  KeptFrames& kept() { return kept_; }
+  const KeptFrames& kept() const { return kept_; }
+
   /// nullopt for a unit that no active job has.
   std::optional<UnitIndex> IndexOf(const job::UnitRef& unit) const;
   /// The inverse.
@@ -76,6 +82,7 @@ class ActiveJobs {
   int64_t next_ = 0;
   std::map<int64_t, Job> jobs_;
   std::map<job::JobId, int64_t> numbers_;
+  KeptFrames kept_;
 };
 
 }  // namespace lumifold::scheduler

@@ -254,6 +254,12 @@ std::vector<Reason> Explain(const State& state, const JobId& id, absl::Time now)
                                          "compares within ",
                                          Seconds(state.options.audit_patience), " is not compared"))});
   }
+  if (const int kept = state.jobs.kept().CountOf(job->number); kept > 0) {
+    reasons.push_back(
+        {"frames_kept", absl::StrCat("each of ", kept,
+                                     " frames is rendered by one worker, which keeps its "
+                                     "units and filters it: its file alone comes to the coordinator")});
+  }
   if (!job->frames.committed().empty()) {
     reasons.push_back({"filtering", absl::StrCat(job->frames.committed().size(),
                                                  " rendered frames are being filtered or wait for it")});

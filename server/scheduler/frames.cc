@@ -111,7 +111,7 @@ FrameState& Frames::Open(Job& job, int frame) {
 
 void Frames::CountActive(const Job& job, bool are_counted) {
   if (job.paused) return;
-  const int frames = static_cast<int>(job.frames.active().size());
+  const int frames = static_cast<int>(job.frames.active().size()) - state_->jobs.kept().CountOf(job.number);
   state_->ready.CountFrames(job.number, are_counted ? frames : -frames);
 }
 

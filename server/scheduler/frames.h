@@ -23,7 +23,7 @@ class Frames {
 
   /// Units of a further frame are leased only while fewer frames than this are in flight, see ReadyJobs.
   void SetMaxActive(int frames) { state_->ready.SetMaxActiveFrames(frames); }
-  /// Frames that count against SetMaxActive.
+  /// Frames that count against SetMaxActive: those that are not kept.
   int active() const { return state_->ready.active_frames(); }
   /// Frames from their first lease until Finish, of all jobs.
   int64_t in_flight() const;

@@ -28,6 +28,8 @@ class FreeUnits {
   void Advance(const JobUnits& units, const JobFrames& frames);
   /// The unit at `next` is leased. Advance follows.
   void TakeNext() { ++next_.number; }
+  /// The frame of `next` is leased in another order. Advance follows.
+  void PassFrame() { next_ = {next_.frame + 1, 0}; }
   /// Whether `next` will come to the unit; the others are free only if they are returned.
   bool IsInOrder(const Place& place, const JobUnits& units) const {
     return place >= next_ && place.number < units.ordered();

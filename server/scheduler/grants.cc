@@ -24,8 +24,8 @@ constexpr size_t kMaxWorkersLooked = 64;
 
 }  // namespace
 
-Grants::Grants(State* state, Frames* frames, Leasing* leasing)
-    : state_(state), frames_(frames), leasing_(leasing) {}
+Grants::Grants(State* state, Frames* frames, Leasing* leasing, Keeping* keeping)
+    : state_(state), frames_(frames), leasing_(leasing), keeping_(keeping) {}
 
 void Grants::Begin(absl::Time now) {
   state_->SetTime(now);
@@ -82,7 +82,8 @@ std::optional<Grants::Taken> Grants::TakeUnit(Job& job, WorkerId worker, SkipBud
   const std::string& name = state_->workers.Find(worker)->traits.name;
   if (const auto place = state_->audits.Take(job.number, name); place.has_value())
     return Taken{*place, /*audit=*/true};
-  if (const auto place = TakeUnleasedUnit(job); place.has_value()) return Taken{*place};
+  if (const auto place = keeping_->TakeUnit(job, worker); place.has_value()) return Taken{*place};
+  if (const auto place = TakeUnleasedUnit(job, worker); place.has_value()) return Taken{*place};
   return std::nullopt;
 }
 
@@ -116,10 +117,14 @@ std::optional<Place> Grants::TakeReturnedUnit(Job& job, WorkerId worker, SkipBud
   return std::nullopt;
 }
 
-std::optional<Place> Grants::TakeUnleasedUnit(Job& job) {
+std::optional<Place> Grants::TakeUnleasedUnit(Job& job, WorkerId worker) {
   const Place place = job.free.next();
   if (place.frame >= job.units.frames().count()) return std::nullopt;
-  if (!job.frames.IsActive(place.frame) && !state_->ready.MayOpenFrame()) return std::nullopt;
+  if (!job.frames.IsActive(place.frame)) {
+    const Keeping::Next next = keeping_->NextOf(job, worker);
+    if (next == Keeping::Next::kIsKept) return keeping_->Begin(job, worker);
+    if (next == Keeping::Next::kWaits || !state_->ready.MayOpenFrame()) return std::nullopt;
+  }
   frames_->Open(job, place.frame);
   job.free.TakeNext();
   return place;
@@ -163,7 +168,8 @@ void Grants::GrantSecond(absl::Time now, std::vector<GrantedLease>* granted) {
 bool Grants::IsWorthASecondLease(const Lease& lease, WorkerId worker, absl::Time now) const {
   const Job& job = state_->jobs.Get(lease.unit.job);
   return !job.paused && !job.leases.IsFull() && !job.free.returned().contains(lease.unit.place) &&
-         !state_->quarantine.IsSuspect(lease.unit) && MayLease(lease.unit, worker) &&
+         !state_->quarantine.IsSuspect(lease.unit) &&
+         !state_->jobs.kept().Has({lease.unit.job, lease.unit.place.frame}) && MayLease(lease.unit, worker) &&
          state_->second_leases.IsWorthwhile(lease, state_->KindOf(lease.unit),
                                             state_->workers.Find(worker)->slowness, now);
 }

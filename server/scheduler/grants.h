@@ -6,6 +6,7 @@
 #include "absl/time/time.h"
 #include "server/job/ids.h"
 #include "server/scheduler/frames.h"
+#include "server/scheduler/keeping.h"
 #include "server/scheduler/leasing.h"
 #include "server/scheduler/state.h"
 #include "server/scheduler/types.h"
@@ -21,7 +22,7 @@ namespace lumifold::scheduler {
 class Grants {
  public:
   /// All must outlive it.
-  Grants(State* state, Frames* frames, Leasing* leasing);
+  Grants(State* state, Frames* frames, Leasing* leasing, Keeping* keeping);
 
   /// Grants leases until all slots are full or no unit is free; the leases of a worker are consecutive.
   std::vector<GrantedLease> ToAll(absl::Time now);
@@ -40,7 +41,7 @@ class Grants {
   void GrantTo(job::WorkerId worker, absl::Time now, std::vector<GrantedLease>* granted);
   std::optional<Taken> TakeUnit(Job& job, job::WorkerId worker, SkipBudget* budget);
   std::optional<Place> TakeReturnedUnit(Job& job, job::WorkerId worker, SkipBudget* budget);
-  std::optional<Place> TakeUnleasedUnit(Job& job);
+  std::optional<Place> TakeUnleasedUnit(Job& job, job::WorkerId worker);
   /// Whether the worker gets no units of the job, see Disputes.
   bool IsExcluded(int64_t job, const Worker& worker) const;
   bool MayLease(const UnitIndex& unit, job::WorkerId worker) const;
@@ -54,6 +55,7 @@ class Grants {
   State* const state_;
   Frames* const frames_;
   Leasing* const leasing_;
+  Keeping* const keeping_;
 };
 
 }  // namespace lumifold::scheduler

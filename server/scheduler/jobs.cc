@@ -32,6 +32,7 @@ void Jobs::End(const JobId& id) {
       leasing_->ReleaseSlot(*worker);
   }
   frames_->Leave(*job);
+  state_->jobs.kept().CloseJob(number);
   state_->quarantine.EndJob(number);
   state_->audits.EndJob(number);
   state_->second_leases.ForgetTimes(number);

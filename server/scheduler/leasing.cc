@@ -40,7 +40,8 @@ GrantedLease Leasing::Grant(const UnitIndex& unit, WorkerId worker, absl::Time n
           .rect = job.units.of_frame().tiles().RectOf(ref.key.tile),
           .samples = job.frames.SamplesOf(unit.place, job.units),
           .alone = kind == Kind::kAlone,
-          .audit = kind == Kind::kAudit};
+          .audit = kind == Kind::kAudit,
+          .keep = state_->jobs.kept().Has({unit.job, unit.place.frame})};
 }
 
 Lease Leasing::Remove(Attempt attempt) {
@@ -98,6 +99,8 @@ bool Leasing::MayReturn(const UnitIndex& unit) const {
 }
 
 void Leasing::Return(const UnitIndex& unit) {
+  if (const auto keeper = state_->jobs.kept().KeeperOf({unit.job, unit.place.frame}); keeper.has_value())
+    return state_->jobs.kept().BreakOf(unit.job, *keeper);  // free once the frame is kept no more
   if (state_->quarantine.IsSuspect(unit)) return state_->quarantine.Enter(unit);
   Job& job = state_->jobs.Get(unit.job);
   job.free.Return(unit.place);

@@ -49,7 +49,7 @@ class Leasing {
 
   /// Whether the unit, which is not accepted, may be leased: no lease of it is in time.
   bool MayReturn(const UnitIndex& unit) const;
-  /// The unit is free again.
+  /// The unit is free again, or its frame can be kept no longer.
   void Return(const UnitIndex& unit);
   /// The unit is no longer leased for its audit; no effect if it is not audited.
   void ReturnAudit(const UnitIndex& unit);

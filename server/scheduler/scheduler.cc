@@ -18,7 +18,8 @@ Scheduler::Scheduler(const SchedulerOptions& options)
       audits_(&state_, &frames_, &leasing_, &workers_),
       units_(&state_, &frames_, &leasing_, &audits_, &disputes_),
       jobs_(&state_, &frames_, &leasing_),
-      grants_(&state_, &frames_, &leasing_) {}
+      keeping_(&state_, &frames_, &leasing_),
+      grants_(&state_, &frames_, &leasing_, &keeping_) {}
 
 std::vector<LateLease> Scheduler::ExpireLeases(absl::Time now) {
   state_.SetTime(now);

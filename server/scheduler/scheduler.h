@@ -10,6 +10,7 @@
 #include "server/scheduler/frames.h"
 #include "server/scheduler/grants.h"
 #include "server/scheduler/jobs.h"
+#include "server/scheduler/keeping.h"
 #include "server/scheduler/lease_watch.h"
 #include "server/scheduler/leasing.h"
 #include "server/scheduler/state.h"
@@ -42,6 +43,8 @@ class Scheduler {
   const Units& units() const { return units_; }
   Workers& workers() { return workers_; }
   const Workers& workers() const { return workers_; }
+  Keeping& keeping() { return keeping_; }
+  const Keeping& keeping() const { return keeping_; }
 
   /// See Grants::ToAll and Grants::ToWorker.
   std::vector<GrantedLease> GrantLeases(absl::Time now) { return grants_.ToAll(now); }
@@ -77,6 +80,7 @@ class Scheduler {
   Audits audits_;
   Units units_;
   Jobs jobs_;
+  Keeping keeping_;
   Grants grants_;
 };
 

@@ -3,9 +3,9 @@
 namespace lumifold::scheduler {
 namespace {
 
-Readiness ReadinessOf(const Job& job, bool has_audits) {
+Readiness ReadinessOf(const Job& job, bool has_others) {
   if (job.paused || job.leases.IsFull()) return Readiness::kNone;
-  if (!job.free.returned().empty() || has_audits) return Readiness::kUnit;
+  if (!job.free.returned().empty() || has_others) return Readiness::kUnit;
   const int frame = job.free.next().frame;
   if (frame >= job.units.frames().count()) return Readiness::kNone;
   return job.frames.IsActive(frame) ? Readiness::kUnit : Readiness::kOpensFrame;
@@ -35,7 +35,8 @@ SecondLeases::Kind State::KindOf(const UnitIndex& unit) const {
 
 void State::UpdateReady(Job& job) {
   job.free.Advance(job.units, job.frames);
-  ready.Set(job.number, ReadinessOf(job, audits.HasReady(job.number)), latest);
+  ready.Set(job.number, ReadinessOf(job, audits.HasReady(job.number) || jobs.kept().HasUnleased(job.number)),
+            latest);
 }
 
 }  // namespace lumifold::scheduler

@@ -90,6 +90,23 @@ bool IsAudited(const job::UnitRef& unit, double share);
 /// The fields of `scheduling` that concern the scheduler.
 JobOptions OptionsOf(const v1::Scheduling& scheduling);
 
+/// What a worker offers to keep, see Keeping.
+struct KeepOffer {
+  int frames = 0;
+  /// Memory for their records.
+  uint64_t record_bytes = 0;
+  /// Memory in which it makes the result of one.
+  uint64_t finish_bytes = 0;
+};
+
+/// What a frame of a job takes of it. Without bytes the job's frames are not kept.
+struct KeepDemand {
+  uint64_t record_bytes = 0;
+  uint64_t finish_bytes = 0;
+  /// While fewer frames than this are in flight, of all jobs, the next one is not kept.
+  int least_in_flight = 0;
+};
+
 /// What a worker says of itself when it connects.
 struct WorkerTraits {
   /// Whom losses and failures count against, over all its connections. Empty: the worker's id.
@@ -104,6 +121,7 @@ struct WorkerTraits {
   /// 0: not known, and then enough for any job.
   uint64_t memory_bytes = 0;
   std::vector<std::string> tags{};  // in any order
+  KeepOffer keep{};
 };
 
 /// Why a unit that had a lease became free again.
@@ -141,6 +159,8 @@ struct GrantedLease {
   bool alone = false;
   /// The unit is already accepted: the result is only compared.
   bool audit = false;
+  /// Its worker keeps the frame.
+  bool keep = false;
 };
 
 /// A job that cannot go on, see Disputes; the caller ends it with this error.

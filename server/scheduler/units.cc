@@ -111,6 +111,7 @@ void Units::RequireMemory(Job& job) {
 void Units::Require(Job& job, const Requirement& requirement) {
   if (requirement == state_->RequirementOf(job)) return;
   frames_->CountActive(job, false);
+  state_->jobs.kept().BreakOf(job.number);
   for (const Attempt attempt : state_->leases.OfJob(job.number)) {
     Lease lease = *state_->leases.Find(attempt);
     if (!lease.is_late) continue;  // it stood still
@@ -168,7 +169,9 @@ void Units::ReturnToLarger(const Lease& lease, const Worker& worker, absl::Time 
 }
 
 void Units::ReturnAfter(const UnitIndex& unit, absl::Duration pause, absl::Time now) {
-  if (pause <= absl::ZeroDuration()) return leasing_->Return(unit);
+  const bool is_kept =
+      state_->jobs.kept().Has({unit.job, unit.place.frame});  // all units of its frame come back
+  if (pause <= absl::ZeroDuration() || is_kept) return leasing_->Return(unit);
   state_->backoffs.Begin(unit, now + pause);
 }
 

@@ -71,6 +71,7 @@ void WorkerPool::Remove(WorkerId id) {
   if (found == workers_.end()) return;
   const Worker& worker = found->second;
   Unindex(id, worker);
+  ceased_.insert(id);
   const auto named = by_name_.find(worker.traits.name);
   named->second.erase(id);
   if (named->second.empty()) by_name_.erase(named);
@@ -89,9 +90,11 @@ void WorkerPool::Change(WorkerId id, absl::FunctionRef<void(Worker&)> change) {
   if (found == workers_.end()) return;
   const int& available = kinds_.at(found->second.kind).counts.available;
   const bool before = available > 0;
+  const bool was_available = found->second.IsAvailable();
   Unindex(id, found->second);
   change(found->second);
   Index(id, found->second);
+  if (was_available && !found->second.IsAvailable()) ceased_.insert(id);
   if ((available > 0) != before) ++version_;
 }
 

@@ -88,7 +88,8 @@ class WorkerPool {
   void Add(job::WorkerId id, const WorkerTraits& traits);
   /// No effect on an unknown worker.
   void Remove(job::WorkerId id);
-  /// Applies `change` to the state of a worker; no effect on an unknown one. The traits and kind stay.
+  /// Applies `change` to the state of a worker; no effect on an unknown one. Its kind, and the traits that
+  /// make it, stay.
   void Change(job::WorkerId id, absl::FunctionRef<void(Worker&)> change);
   void TakeSlot(job::WorkerId id) {
     Change(id, [](Worker& worker) { ++worker.busy; });
@@ -113,6 +114,8 @@ class WorkerPool {
   /// The most memory of the connected workers that it admits; 0: there is none, or that is not known.
   /// O(kinds).
   uint64_t LargestMemory(const Requirement& requirement) const;
+  /// Workers that were available and are no longer, or have gone, since the last call.
+  std::set<job::WorkerId> TakeCeased() { return std::exchange(ceased_, {}); }
   /// Whether a worker that `requirement` admits is available besides `id`; O(kinds).
   bool HasOther(job::WorkerId id, const Requirement& requirement) const;
 
@@ -146,6 +149,7 @@ class WorkerPool {
   std::map<int, Kind> kinds_;                                  // with connected workers
   std::set<std::pair<absl::Time, job::WorkerId>> cool_downs_;  // by their ends
   std::map<int, std::set<job::WorkerId>> free_;                // by kind; never empty
+  std::set<job::WorkerId> ceased_;
 };
 
 }  // namespace lumifold::scheduler

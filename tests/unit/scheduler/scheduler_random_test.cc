@@ -1,7 +1,8 @@
 // Random histories checked against a model of the rules: for any events in any order each unit is committed
 // exactly once, no unit is lost, a lease that has ended delivers nothing, all units of a job are of one
 // numeric class, paused jobs and drained or blocked workers get no leases, units of faulty workers are
-// rendered again, the metrics count every unit once, and a restart at any time preserves this.
+// rendered again, those of a kept frame go to one worker and are lost with it, the metrics count every unit
+// once, and a restart at any time preserves this.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -44,9 +45,12 @@ struct ModelLease {
 class RandomHistory {
  public:
   /// In every second history units come into quarantine, in every third there are workers that deliver wrong
-  /// pixels.
+  /// pixels, and in the second half of every four workers keep frames.
   explicit RandomHistory(uint32_t seed)
-      : random_(seed), max_lost_workers_(seed % 2 == 0 ? 2 : 1'000'000), has_liars_(seed % 3 == 0) {
+      : random_(seed),
+        max_lost_workers_(seed % 2 == 0 ? 2 : 1'000'000),
+        has_liars_(seed % 3 == 0),
+        has_keepers_(seed % 4 >= 2) {
     for (int i = 0; i < 2; ++i) {
       v1::JobSpec& spec = specs_[JobId("j-" + std::to_string(i))];
       spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
@@ -55,7 +59,7 @@ class RandomHistory {
       spec.set_tile_size(8);
       spec.set_samples_per_pixel(10);
       spec.set_pass_samples(4);
-      spec.set_frame_count(1 + i);
+      spec.set_frame_count(i == 0 && has_keepers_ ? 3 * kWorkers : 1 + i);
     }
     Restart();
   }
@@ -79,6 +83,8 @@ class RandomHistory {
   int quarantines() const { return quarantines_; }
   int audits() const { return audits_; }
   int revoked() const { return revoked_; }
+  int kept() const { return kept_count_; }
+  int lost() const { return lost_; }
 
  private:
   int Draw(int below) { return static_cast<int>(random_() % static_cast<uint32_t>(below)); }
@@ -93,6 +99,7 @@ class RandomHistory {
     now_ += absl::Seconds(Draw(4));
     Act();
     FollowAudits();
+    for (const auto& [job, frame] : scheduler_->keeping().TakeBroken()) StopKeeping({job, frame});
     for (const RevokedLease& revoked : scheduler_->units().TakeRevoked()) {
       const auto held = held_.find(revoked.worker);
       if (held == held_.end()) continue;
@@ -118,6 +125,28 @@ class RandomHistory {
     EXPECT_EQ(metrics.units_queued, queued);
     EXPECT_EQ(metrics.units_leased, static_cast<int64_t>(leased.size()));
     EXPECT_EQ(metrics.slots, kWorkers * kSlots);
+  }
+
+  /// The caller's part when a frame can be kept no longer, or its result does not come: nothing of it is left.
+  void StopKeeping(std::pair<JobId, int32_t> frame) {
+    if (kept_.erase(frame) == 0) return;
+    ++lost_;
+    scheduler_->keeping().Stop(frame.first, frame.second);
+    const FrameUnits units(specs_.at(frame.first));
+    for (int64_t number = 0; number < units.count(); ++number) {
+      const UnitRef unit = {frame.first, units.KeyOf(frame.second, number)};
+      EXPECT_EQ(scheduler_->units().Revoke(unit), commits_.erase(unit) == 1);
+      EndOthers(unit);
+    }
+  }
+
+  void FailResult() {
+    if (!kept_.empty()) StopKeeping(kept_.begin()->first);
+  }
+
+  void LetKeep() {
+    if (has_keepers_ && !class_of_job_[JobId("j-0")].empty())
+      scheduler_->keeping().SetDemand(JobId("j-0"), {.record_bytes = 1, .finish_bytes = 1});
   }
 
   void Act() {
@@ -150,6 +179,8 @@ class RandomHistory {
       case 15:
       case 16:
         return FinishFrames();
+      case 17:
+        return FailResult();
       default:
         return Draw(2) == 0 ? Grant() : Deliver();
     }
@@ -174,6 +205,10 @@ class RandomHistory {
                               .paused = paused_.contains(job),
                               .audit_share = second ? 0.5 : 0});
     }
+    // What workers keep is not recorded.
+    std::erase_if(commits_, [this](const auto& commit) { return KeeperOf(commit.first) != nullptr; });
+    kept_.clear();
+    LetKeep();
     for (const auto& [job, frame] : finished_) EXPECT_TRUE(scheduler_->frames().RestoreFinished(job, frame));
     for (const auto& [unit, count] : commits_)
       EXPECT_TRUE(scheduler_->units().Restore(unit.job, {unit.key}, now_));
@@ -186,7 +221,9 @@ class RandomHistory {
   void Connect() {
     const WorkerId worker(next_worker_++);
     class_of_worker_[worker] = kClasses[Draw(2)];
-    scheduler_->workers().Add(worker, {.numeric_class = class_of_worker_[worker], .slots = kSlots});
+    scheduler_->workers().Add(worker, {.numeric_class = class_of_worker_[worker],
+                                       .slots = kSlots,
+                                       .keep = {.frames = 2, .record_bytes = 9, .finish_bytes = 1}});
     held_[worker];
   }
 
@@ -261,6 +298,7 @@ class RandomHistory {
       EXPECT_EQ(commits_.contains(lease.unit), lease.audit) << Describe(lease.unit) << " leased again";
       EXPECT_FALSE(paused_.contains(lease.unit.job));
       EXPECT_FALSE(idle_.contains(lease.worker)) << "drained or blocked";
+      CheckKept(lease);
       int others = 0;
       for (const auto& [other, theirs] : held_) {
         for (const ModelLease& held : theirs) {
@@ -283,6 +321,26 @@ class RandomHistory {
     for (const auto& [worker, leases] : held_) EXPECT_LE(leases.size(), static_cast<size_t>(kSlots));
   }
 
+  /// The worker that keeps the unit's frame; null if nobody does.
+  const WorkerId* KeeperOf(const UnitRef& unit) const {
+    const auto kept = kept_.find({unit.job, unit.key.frame});
+    return kept == kept_.end() ? nullptr : &kept->second;
+  }
+
+  void CheckKept(const GrantedLease& lease) {
+    const WorkerId* const keeper = KeeperOf(lease.unit);
+    if (keeper != nullptr) {
+      EXPECT_TRUE(lease.keep);
+      EXPECT_EQ(lease.worker, *keeper);
+    } else if (lease.keep) {
+      EXPECT_TRUE(std::none_of(commits_.begin(), commits_.end(), [&](const auto& commit) {
+        return commit.first.job == lease.unit.job && commit.first.key.frame == lease.unit.key.frame;
+      })) << "a frame that others have begun";
+      kept_.emplace(std::pair(lease.unit.job, lease.unit.key.frame), lease.worker);
+      ++kept_count_;
+    }
+  }
+
   void Deliver() {
     auto& [worker, leases] = *std::next(held_.begin(), Draw(kWorkers));
     if (leases.empty()) return;
@@ -298,6 +356,7 @@ class RandomHistory {
     BindTo(lease.unit.job, class_of_worker_.at(worker));
     scheduler_->units().Commit(lease.unit);
     ++commits_[lease.unit];
+    LetKeep();
   }
 
   void EndOthers(const UnitRef& unit) {
@@ -340,6 +399,11 @@ class RandomHistory {
         idle_.insert(worker);
       }
       for (const UnitRef& unit : faulty.units) {
+        if (!commits_.contains(unit)) continue;  // of a kept frame, which is lost as a whole
+        if (KeeperOf(unit) != nullptr) {
+          StopKeeping({unit.job, unit.key.frame});
+          continue;
+        }
         EXPECT_TRUE(scheduler_->units().Revoke(unit));
         EXPECT_EQ(commits_.erase(unit), 1u);
         EXPECT_FALSE(finished_.contains({unit.job, unit.key.frame}));
@@ -354,6 +418,8 @@ class RandomHistory {
       for (const int32_t frame : scheduler_->frames().Committed(job)) {
         EXPECT_TRUE(scheduler_->frames().IsCommitted(job, frame));
         finished_.emplace(job, frame);
+        kept_.erase({job, frame});
+        scheduler_->keeping().End(job, frame);
         scheduler_->frames().Finish(job, frame);
       }
     }
@@ -408,6 +474,10 @@ class RandomHistory {
   std::vector<std::pair<WorkerId, ModelLease>> ended_;
   int max_lost_workers_;
   bool has_liars_;
+  bool has_keepers_;
+  std::map<std::pair<JobId, int32_t>, WorkerId> kept_;  // frames
+  int kept_count_ = 0;
+  int lost_ = 0;
   int second_leases_ = 0;  // of late units
   int audits_ = 0;
   int revoked_ = 0;
@@ -429,6 +499,8 @@ TEST(SchedulerRandomHistory, TheHistoriesHaveAllThatCanHappen) {
   int quarantines = 0;
   int audits = 0;
   int revoked = 0;
+  int kept = 0;
+  int lost = 0;
   for (uint32_t seed = 0; seed < 30; ++seed) {
     RandomHistory history(seed);
     history.Run();
@@ -436,11 +508,15 @@ TEST(SchedulerRandomHistory, TheHistoriesHaveAllThatCanHappen) {
     quarantines += history.quarantines();
     audits += history.audits();
     revoked += history.revoked();
+    kept += history.kept();
+    lost += history.lost();
   }
   EXPECT_GT(second_leases, 0);
   EXPECT_GT(quarantines, 0);
   EXPECT_GT(audits, 0);
   EXPECT_GT(revoked, 0);
+  EXPECT_GT(lost, 0);
+  EXPECT_GT(kept, 2 * lost);
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, SchedulerRandom, ::testing::Range(0u, 30u));

@@ -369,8 +369,9 @@ absl::StatusOr<uint64_t> FindMemory(const Flags& flags) {
 
 lumifold::worker::FinishPlaces PlacesOf(const Flags& flags, uint64_t memory_bytes) {
   if (flags.finish == "never") return {};
+  if (flags.finish == "only") return {.count = flags.threads, .memory_bytes = memory_bytes};
   // The rest is for scenes.
-  return {.count = flags.threads, .memory_bytes = flags.finish == "only" ? memory_bytes : memory_bytes / 2};
+  return {.count = flags.threads, .memory_bytes = memory_bytes / 2, .keep_bytes = memory_bytes / 8};
 }
 
 /// Enters the sandbox, before any thread starts: it holds only for threads that start later.

@@ -68,7 +68,7 @@ void ExplainFinishing(const FrameQueue& frames, const JobId& job, absl::Time now
                        " times and is tried again in ",
                        absl::ToInt64Seconds(absl::Ceil(frame.not_before - now, absl::Seconds(1))), " s"),
           response);
-    } else if (is_first) {
+    } else if (is_first && !frame.keeper.has_value()) {
       AddReason("filter_queue",
                 absl::StrCat("frame ", frame.number, " waits for the filter, which has ", frames.CountHere(),
                              " frames of this and other jobs; ", due, " wait"),

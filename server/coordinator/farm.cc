@@ -9,6 +9,7 @@
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
 #include "proto/sandbox/sandbox.h"
+#include "server/coordinator/farm_keeping.h"
 #include "server/coordinator/job_status.h"
 #include "server/job/frame_list.h"
 #include "server/job/gaps.h"
@@ -281,6 +282,7 @@ void Farm::QueueDue(const FrameKey& key) {
     } else if (is_of_workers_too) {
       frame.block_count = blocks;
     }
+    frame.keeper = scheduler.keeping().KeeperOf(frame.job, frame.number);
   }
   frame.samples = scheduler.jobs().Progress(frame.job).samples_done;
   frames.Push(std::move(frame));
@@ -316,8 +318,11 @@ void Farm::CountCommitted(const AcceptedUnit& unit) {
   }
   ledger::JobRecord& record = active->record;
   record.done.bad_samples += unit.stored.stats.bad_samples();
-  active->unit_bytes.bytes += unit.record_bytes;
-  ++active->unit_bytes.units;
+  if (unit.record_bytes > 0) {  // otherwise its worker keeps it
+    active->unit_bytes.bytes += unit.record_bytes;
+    ++active->unit_bytes.units;
+    LetKeep(*resources_, ref.job, this);
+  }
   if (active->render_start.has_value())
     record.times.set_render_seconds(absl::ToDoubleSeconds(resources_->options.now() - *active->render_start));
   for (const std::string& line : unit.stored.stats.warnings()) AddWarning(line, &record);

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "proto/logging/fields.h"
 #include "server/coordinator/farm.h"
+#include "server/coordinator/farm_keeping.h"
 #include "server/picture/make_picture.h"
 
 namespace lumifold::server {
@@ -24,6 +25,7 @@ v1::Lease ProtoFromLease(const scheduler::GrantedLease& lease) {
   v1::Lease proto;
   *proto.mutable_unit() = ProtoFromUnit(lease.unit);
   proto.set_attempt(lease.attempt.value());
+  proto.set_keep(lease.keep);
   proto.mutable_rect()->set_x0(lease.rect.x0);
   proto.mutable_rect()->set_y0(lease.rect.y0);
   proto.mutable_rect()->set_x1(lease.rect.x1);
@@ -71,6 +73,7 @@ void Farm::Complete() {
   }
   if (is_leasing()) {
     FollowAudits();
+    FollowKeeping(*resources_, this);
     for (const scheduler::CoolingWorker& cooling : scheduler.workers().TakeCooling()) {
       resources_->log().warn(
           "event=worker_set_aside worker={} seconds={:.0f} reason={}", workers.NameOf(cooling.worker),
@@ -87,7 +90,11 @@ void Farm::FollowAudits() {
   for (const scheduler::FaultyWorker& faulty : scheduler.workers().TakeFaulty()) {
     std::map<FrameKey, std::vector<job::UnitKey>> units;
     for (const job::UnitRef& unit : faulty.units) units[{unit.job, unit.key.frame}].push_back(unit.key);
-    for (const auto& [frame, keys] : units) effects_->DiscardUnits(frame, keys);
+    for (const auto& [frame, keys] : units) {
+      const bool is_kept = scheduler.keeping().KeeperOf(frame.first, frame.second).has_value();
+      if (!is_kept) effects_->DiscardUnits(frame, keys);
+      StopKeeping(*resources_, frame, "worker_faulty", this);
+    }
     if (faulty.reason.empty()) continue;
     resources_->log().error("event=worker_faulty worker={} units={} reason={}",
                             absl::StrCat("-/", faulty.name), faulty.units.size(),
@@ -169,8 +176,9 @@ std::optional<RunningFrame> Farm::BeginFrame(absl::Time now) {
   const auto find_worker = [&](const DueFrame& due, const Claims& claims) -> std::optional<WorkerId> {
     if (!scheduler.jobs().Has(due.job)) return std::nullopt;
     const auto may_finish = [&](WorkerId worker) {
-      return may_have(worker, due.job) &&
-             std::none_of(claims.begin(), claims.end(), [&](const ClaimedResult& claim) {
+      const bool may =
+          due.keeper.has_value() ? *due.keeper == worker && is_available(worker) : may_have(worker, due.job);
+      return may && std::none_of(claims.begin(), claims.end(), [&](const ClaimedResult& claim) {
                return claim.worker == workers.Find(worker)->name;
              });
     };
@@ -213,11 +221,12 @@ void Farm::SendFrame(const RunningFrame& frame) {
   v1::Lease* const lease = message.mutable_grant()->add_leases();
   *lease->mutable_unit() = job::ProtoFromUnit(UnitOf(frame.part()));
   lease->set_attempt(attempt.value());
+  lease->set_keep(due.keeper.has_value());
   message.mutable_grant()->set_trace_id(jobs.FindActive(due.job)->record.scheduling.trace_id());
   workers.Send(worker, message);
-  resources_->log().info("event={} unit={} worker={} attempt={}", LeasedEventOf(frame.part()),
+  resources_->log().info("event={} unit={} worker={} attempt={} kept={}", LeasedEventOf(frame.part()),
                          logging::Quoted(Describe(UnitOf(frame.part()))), workers.NameOf(worker),
-                         attempt.value());
+                         attempt.value(), due.keeper.has_value());
 }
 
 void Farm::TakeFramesBack(const std::vector<job::Attempt>& leases, std::string_view reason, Return how) {
@@ -234,6 +243,8 @@ void Farm::TakeFramesBack(const std::vector<job::Attempt>& leases, std::string_v
     resources_->log().warn("event=frame_came_back unit={} worker={} reason={}",
                            logging::Quoted(Describe(UnitOf(lease.part))), workers.NameOf(lease.worker),
                            logging::Quoted(std::string(reason)));
+    if (how == Return::kFailed) scheduler.keeping().Exclude(lease.worker);
+    StopKeeping(*resources_, lease.part.frame, reason, this);
   }
 }
 

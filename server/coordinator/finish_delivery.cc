@@ -14,6 +14,7 @@
 #include "proto/logging/fields.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/sha256.h"
+#include "server/coordinator/farm_keeping.h"
 #include "server/film/result_digest.h"
 #include "server/film/unit_film.h"
 #include "server/finish/estimate_round.h"
@@ -141,6 +142,7 @@ class ReceivedResult final : public ResultUpload {
       if (lease == nullptr || lease->is_delivered || is_stale)
         return absl::AbortedError("result: the lease has become void");
       lease->is_delivered = true;
+      due_.kept = EndKeeping(lease_.part.frame, &*farm);
     }
     if (!audited_.empty() && !IsConfirmed()) return Compare();
     const absl::Status placed = Place();
@@ -198,7 +200,7 @@ class ReceivedResult final : public ResultUpload {
   FarmState* const state_;
   FrameFinishing* const finishing_;
   const NamedLease lease_;
-  const DueFrame due_;
+  DueFrame due_;
   const v1::FrameReport report_;
   const std::optional<uint64_t> bytes_;  // of the file, where they are known
   const uint64_t max_bytes_;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "absl/time/time.h"
@@ -19,6 +20,13 @@ struct FinishOptions {
   uint64_t memory_bytes = 0;
   /// A frame takes no more than this; 0: no limit.
   uint64_t frame_memory_bytes = 0;
+
+  /// Frames of this memory that can be finished at a time, if there are no others.
+  int PlacesFor(uint64_t bytes) const {
+    if (processes > 0) return processes;
+    const uint64_t by_memory = memory_bytes / std::max<uint64_t>(bytes, 1);
+    return static_cast<int>(std::clamp<uint64_t>(by_memory, 1, static_cast<uint64_t>(threads)));
+  }
 };
 
 }  // namespace lumifold::server

@@ -187,6 +187,12 @@ void FrameFinishing::OnFinished(DueFrame frame, const absl::StatusOr<v1::FrameRe
   if (active == nullptr) return;
   // A stale one is queued again when its units are committed again.
   if (farm->frames.IsStale(frame.key()) || !farm->IsDue(frame)) return;
+  if (!report.ok() && frame.kept != nullptr) {  // its worker has dropped them by now
+    resources_->log().warn("event=frame_kept_no_more job={} frame={} units={} reason={}", frame.job.value(),
+                           frame.number, frame.kept->units.size(),
+                           logging::Quoted(report.status().message()));
+    return farm->RevokeUnits(frame.job, frame.kept->units);
+  }
   if (absl::IsDataLoss(report.status()) || absl::IsNotFound(report.status()))
     return committer_->Check(frame.key(), report.status());
   if (absl::IsUnavailable(report.status())) return AwaitStorage(&*farm, std::move(frame), report.status());
@@ -196,8 +202,10 @@ void FrameFinishing::OnFinished(DueFrame frame, const absl::StatusOr<v1::FrameRe
   recorded.set_finished_unix_ms(absl::ToUnixMillis(resources_->options.wall_now()));
   recorded.mutable_times()->set_render_seconds(active->record.times.render_seconds());
   committer_->Write(
-      [this, key = frame.key(), recorded] {
-        return resources_->store->RecordFrame(resources_->Owned(key.first), key.second, recorded);
+      [this, key = frame.key(), kept = frame.kept, recorded] {
+        return kept != nullptr
+                   ? resources_->store->RecordKeptFrame(*kept, key.second, recorded)
+                   : resources_->store->RecordFrame(resources_->Owned(key.first), key.second, recorded);
       },
       [this, frame, recorded](const absl::Status& status) { OnFrameRecorded(frame, recorded, status); });
 }

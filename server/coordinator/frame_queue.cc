@@ -103,8 +103,10 @@ std::deque<DueFrame>::iterator FrameQueue::FirstOf(int64_t job,
 
 std::optional<RunningFrame> FrameQueue::Begin(absl::Time now) {
   FindReady(now);
-  const auto is_ready = [&](const DueFrame& frame) { return IsReady(frame, now); };
-  std::set<int64_t> passed;  // jobs whose frames were taken back
+  const auto is_ready = [&](const DueFrame& frame) {
+    return IsReady(frame, now) && !frame.keeper.has_value();
+  };
+  std::set<int64_t> passed;  // jobs whose frames were taken back, or are kept
   while (const std::optional<scheduler::FairShare::Candidate> first = share_.First(ready_, passed)) {
     const auto due = FirstOf(first->job, is_ready);
     if (due == waiting_.end()) {
@@ -148,7 +150,10 @@ std::optional<RunningFrame> FrameQueue::BeginAway(absl::Time now, FindWorker fin
   FindReady(now);
   std::set<int64_t> passed;  // jobs whose frames stay here
   while (const std::optional<scheduler::FairShare::Candidate> first = share_.First(ready_, passed)) {
-    const auto due = FirstOf(first->job, [&](const DueFrame& frame) { return MayLeave(frame, now); });
+    const auto due = FirstOf(first->job, [&](const DueFrame& frame) {
+      return MayLeave(frame, now) &&
+             (!frame.keeper.has_value() || find_worker(frame, frame.claims).has_value());
+    });
     if (due != waiting_.end()) {
       for (const int part : PartsOf(due->blocks)) {
         const Claims claims = part == FramePart::kWhole ? due->claims : due->blocks.ClaimsOf(part);
@@ -290,9 +295,7 @@ bool FrameQueue::HasRoom(const DueFrame& frame, const std::string& user) const {
 }
 
 int FrameQueue::ThreadsFor(const DueFrame& frame, int64_t ready) const {
-  const auto by_memory = static_cast<int64_t>(options_.memory_bytes / std::max<uint64_t>(MemoryOf(frame), 1));
-  const int64_t places = options_.processes > 0 ? int64_t{options_.processes}
-                                                : std::clamp<int64_t>(by_memory, 1, options_.threads);
+  const int64_t places = options_.PlacesFor(MemoryOf(frame));
   const int64_t together = std::min(ready, std::max<int64_t>(1, places - CountHere()));
   int64_t idle = options_.threads;
   for (const RunningFrame& other : running_) idle -= other.worker.has_value() ? 0 : other.threads;
@@ -360,8 +363,9 @@ void FrameQueue::MarkStale(const FrameKey& frame) {
     if (other.key() == frame) other.claims.clear();
   }
   // What its blocks were made of is gone. It is queued again when it is committed again.
-  std::erase_if(waiting_,
-                [&](const DueFrame& other) { return other.key() == frame && other.blocks.have_begun; });
+  std::erase_if(waiting_, [&](const DueFrame& other) {
+    return other.key() == frame && (other.blocks.have_begun || other.keeper.has_value());
+  });
 }
 
 bool FrameQueue::IsStale(const FrameKey& frame) const {

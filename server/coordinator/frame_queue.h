@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -15,6 +16,7 @@
 #include "server/coordinator/finish_options.h"
 #include "server/job/ids.h"
 #include "server/job/unit.h"
+#include "server/ledger/job_store.h"
 #include "server/scheduler/fair_share.h"
 
 namespace lumifold::server {
@@ -91,6 +93,10 @@ struct DueFrame {
   uint64_t memory_bytes = 0;
   /// A worker may finish it, too.
   bool may_travel = false;
+  /// Only this worker can finish it: it keeps the frame's units.
+  std::optional<job::WorkerId> keeper{};
+  /// Those, once its result is here.
+  std::shared_ptr<const ledger::JobCommit> kept{};
   /// More than 1: its blocks may be filtered side by side, where a worker takes part.
   int block_count = 1;
   BlockProgress blocks{};
@@ -190,7 +196,8 @@ class FrameQueue {
   JobFrames CountsOf(const job::JobId& job) const;
   /// How far the filter of what is running is, 0 to 1. False where that changes nothing.
   bool SetFiltered(const FramePart& part, double share);
-  /// Units of the frame were taken back: what was made of them is of no use, nor compared.
+  /// Units of the frame were taken back: what was made of them is of no use, nor compared. A frame that
+  /// somebody kept is not queued any more.
   void MarkStale(const FrameKey& frame);
   bool IsStale(const FrameKey& frame) const;
   const std::deque<DueFrame>& waiting() const { return waiting_; }

@@ -25,6 +25,8 @@ struct ActiveJob {
   /// first lease.
   std::optional<absl::Time> render_start;
   UnitBytes unit_bytes;
+  /// Units of frames that workers keep, by frame: they are recorded with it.
+  std::map<int32_t, ledger::JobCommit> kept;
   /// With adaptive sampling: the largest error of a frame that the last estimates predict.
   std::optional<double> predicted_error;
   /// Number of times that units of an unfinished frame were lost.

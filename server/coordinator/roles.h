@@ -134,6 +134,14 @@ struct LeasedUnit {
   film::UnitModel model;
 };
 
+/// A unit that its worker has rendered and keeps, see v1::KeptUnit.
+struct KeptUnit {
+  job::UnitRef unit;
+  job::Attempt attempt;
+  v1::UnitStats stats;
+  uint64_t record_bytes = 0;
+};
+
 /// What a worker's connection says. `caller` is the identity of the connection, see access::KeyOf: a worker's
 /// id is of use to its own identity only.
 class WorkerApi {
@@ -159,6 +167,8 @@ class WorkerApi {
                                               job::Attempt attempt) = 0;
   /// Accepts a complete unit whose layout and values are valid.
   virtual void Deliver(job::WorkerId worker, film::EncodedUnit unit) = 0;
+  /// Accepts a unit of a frame that the worker keeps.
+  virtual void Keep(job::WorkerId worker, const KeptUnit& kept) = 0;
   /// Accepts the result of a plan unit that the worker holds, and commits it: only then is the job divided
   /// into the units of its frames. Errors: those of job::PlannedSpec.
   virtual absl::Status DeliverPlan(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,

@@ -12,6 +12,7 @@
 #include "proto/rpc/version.h"
 #include "server/access/identity.h"
 #include "server/coordinator/event_log.h"
+#include "server/coordinator/farm_keeping.h"
 
 namespace lumifold::server {
 
@@ -54,6 +55,14 @@ absl::Status CheckHello(const v1::Hello& hello) {
   return absl::OkStatus();
 }
 
+/// One frame more than it finishes at a time: that is being rendered meanwhile.
+scheduler::KeepOffer KeepOfferOf(const v1::Hello& hello) {
+  if (hello.finishes() <= 0) return {};
+  return {.frames = std::min(hello.finishes(), kMaxFinishes) + 1,
+          .record_bytes = hello.keep_bytes(),
+          .finish_bytes = hello.finish_memory_bytes()};
+}
+
 }  // namespace
 
 absl::StatusOr<WorkerId> WorkerCalls::AddWorker(const v1::Hello& hello, const access::Identity& caller,
@@ -82,7 +91,8 @@ absl::StatusOr<WorkerId> WorkerCalls::AddWorker(const v1::Hello& hello, const ac
                                          .instance = hello.instance(),
                                          .slots = hello.slots(),
                                          .memory_bytes = hello.memory_bytes(),
-                                         .tags = {hello.tags().begin(), hello.tags().end()}});
+                                         .tags = {hello.tags().begin(), hello.tags().end()},
+                                         .keep = KeepOfferOf(hello)});
   farm->finish_leases.AddWorker(worker, {.party = PartyOf(name, is_certified),
                                          .numeric_class = hello.numeric_class(),
                                          .places = std::min(hello.finishes(), kMaxFinishes),
@@ -172,6 +182,29 @@ void WorkerCalls::Deliver(WorkerId worker, film::EncodedUnit unit) {
                        .numeric_class = farm->scheduler.jobs().NumericClassOf(job),
                        .started = farm->jobs.FindActive(job)->record.started,
                        .accepted = resources_->options.wall_now()});
+}
+
+void WorkerCalls::Keep(WorkerId worker, const KeptUnit& kept) {
+  const job::UnitRef& unit = kept.unit;
+  bool is_asked_for = true;
+  {
+    FarmState::Change farm(state_);
+    const std::optional<WorkerId> keeper = farm->scheduler.keeping().KeeperOf(unit.job, unit.key.frame);
+    is_asked_for = keeper == worker || !farm->scheduler.units().HoldsLease(worker, unit, kept.attempt);
+    if (is_asked_for) {
+      const scheduler::Completion completion =
+          farm->scheduler.units().Complete(worker, unit, kept.attempt, resources_->options.now(), "",
+                                           {.rendering = absl::Seconds(kept.stats.seconds()), .bytes = 0});
+      if (completion == scheduler::Completion::kAccepted) {
+        CountKept(*resources_, worker, kept, &*farm);
+      } else {
+        resources_->log().info("event=unit_not_wanted unit={} worker={}", logging::Quoted(Describe(unit)),
+                               farm->workers.NameOf(worker));
+      }
+      farm->workers.Acknowledge(worker, unit, kept.attempt);
+    }
+  }
+  if (!is_asked_for) RefuseUnit(worker, unit, kept.attempt, "its record is to be delivered");
 }
 
 void WorkerCalls::Dismiss(WorkerId worker, const UnitRef& unit, Attempt attempt) {

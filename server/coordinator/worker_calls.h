@@ -37,6 +37,7 @@ class WorkerCalls final : public WorkerApi {
   std::optional<LeasedUnit> FindLease(job::WorkerId worker, const job::UnitRef& unit,
                                       job::Attempt attempt) override;
   void Deliver(job::WorkerId worker, film::EncodedUnit unit) override;
+  void Keep(job::WorkerId worker, const KeptUnit& kept) override;
   absl::Status DeliverPlan(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
                            const v1::Plan& plan) override {
     return plans_.Deliver(worker, unit, attempt, plan);

@@ -6,37 +6,10 @@
 
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
+#include "server/film/stored_stats.h"
 
 namespace lumifold::server {
 namespace {
-
-/// Longest time of a unit that is believed, as a worker says it: a year.
-constexpr double kMaxUnitSeconds = 366.0 * 24 * 3600;
-
-/// The statistics that are stored: the text of a worker is bounded, and fields that are not known are
-/// dropped.
-v1::UnitStats StoredStats(const v1::UnitStats& delivered) {
-  v1::UnitStats stats;
-  stats.set_samples(delivered.samples());
-  stats.set_bad_samples(delivered.bad_samples());
-  stats.set_rays(delivered.rays());
-  const double seconds = delivered.seconds();
-  stats.set_seconds(seconds >= 0 && seconds <= kMaxUnitSeconds ? seconds : 0);
-  for (std::string& line :
-       rpc::BoundedLines(delivered.warnings(), rpc::kMaxUnitWarnings, rpc::kMaxWarningBytes))
-    stats.add_warnings(std::move(line));
-  for (const float value : delivered.camera().world_to_camera())
-    stats.mutable_camera()->add_world_to_camera(value);
-  for (const float value : delivered.camera().world_to_ndc()) stats.mutable_camera()->add_world_to_ndc(value);
-  stats.set_catches_shadows(delivered.catches_shadows());
-  stats.set_environment(rpc::BoundedLine(delivered.environment(), rpc::kMaxObjectNameBytes));
-  for (const v1::SceneObject& object : delivered.objects()) {
-    v1::SceneObject* const stored = stats.add_objects();
-    stored->set_name(rpc::BoundedLine(object.name(), rpc::kMaxObjectNameBytes));
-    stored->set_material(rpc::BoundedLine(object.material(), rpc::kMaxObjectNameBytes));
-  }
-  return stats;
-}
 
 /// The plan that is stored: its texts are bounded, and fields that are not known are dropped.
 v1::Plan StoredPlan(const v1::Plan& delivered) {
@@ -80,6 +53,9 @@ absl::Status WorkerSession::Handle(v1::WorkerMessage* message) {
       return absl::OkStatus();
     case v1::WorkerMessage::kPlan:
       OnPlan(message->mutable_plan());
+      return absl::OkStatus();
+    case v1::WorkerMessage::kKept:
+      OnKept(message->kept());
       return absl::OkStatus();
     case v1::WorkerMessage::kFailure:
       OnFailure(message->failure());
@@ -145,12 +121,19 @@ void WorkerSession::OnPlan(v1::DeliveredPlan* delivered) {
   if (!status.ok()) workers_->RefuseUnit(worker_, unit, attempt, std::string(status.message()));
 }
 
+void WorkerSession::OnKept(const v1::KeptUnit& kept) {
+  workers_->Keep(worker_, {.unit = job::UnitFromProto(kept.unit()),
+                           .attempt = job::Attempt(kept.attempt()),
+                           .stats = film::StoredStats(kept.stats()),
+                           .record_bytes = kept.record_bytes()});
+}
+
 absl::Status WorkerSession::Take(v1::UnitChunk* chunk, const LeaseName& lease, const LeasedUnit& leased) {
   if (lease.first.key.kind == v1::UNIT_KIND_PLAN)
     return absl::InvalidArgumentError("unit: a plan unit has no pixels");
   const auto entry =
       arriving_.try_emplace(lease, lease.first.key.kind, leased.rect, leased.samples, leased.model).first;
-  const v1::UnitStats stats = StoredStats(chunk->stats());
+  const v1::UnitStats stats = film::StoredStats(chunk->stats());
   if (absl::Status status = entry->second.Add(std::move(*chunk)); !status.ok()) return status;
   if (!entry->second.IsComplete()) return absl::OkStatus();
   film::EncodedUnit unit = film::EncodeUnit(lease.first, lease.second, stats, entry->second.Take());

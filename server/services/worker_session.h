@@ -40,6 +40,7 @@ class WorkerSession {
   void OnFailure(const v1::UnitFailure& failure);
   void OnChunk(v1::UnitChunk* chunk);
   void OnPlan(v1::DeliveredPlan* delivered);
+  void OnKept(const v1::KeptUnit& kept);
   absl::Status Take(v1::UnitChunk* chunk, const LeaseName& lease, const LeasedUnit& leased);
 
   WorkerApi* const workers_;

@@ -69,10 +69,11 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option(
          "--measure", flags->measure,
          "units: rate, times and memory under load; frames: what the coordinator does for --frames frames of "
-         "one pass that workers finish; restart: time until a killed coordinator with --units committed "
+         "one pass that workers finish; kept: the same where workers keep the frames; restart: time until a "
+         "killed coordinator with --units committed "
          "units "
          "listens again; list: time of a page of --jobs jobs")
-      ->check(CLI::IsMember({"units", "frames", "restart", "list"}))
+      ->check(CLI::IsMember({"units", "frames", "kept", "restart", "list"}))
       ->capture_default_str();
   app->add_option("--workers", flags->workers)->check(CLI::Range(1, 10'000))->capture_default_str();
   app->add_option("--slots", flags->slots, "Slots of a worker")
@@ -126,7 +127,7 @@ double OwnCpuSeconds() {
 }
 
 v1::JobSpec SpecOf(const Flags& flags, const v1::SceneRef& scene) {
-  const bool has_frames = flags.measure == "frames";
+  const bool has_frames = flags.measure == "frames" || flags.measure == "kept";
   v1::JobSpec spec;
   spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   *spec.mutable_scene() = scene;
@@ -214,6 +215,9 @@ class Load {
     return WaitUntil([this, units] { return counters.committed >= units; });
   }
 
+  bool WaitForKept(int64_t frames) const {
+    return WaitUntil([this, frames] { return counters.kept >= frames; });
+  }
   /// Until the one job has so many frames, whoever finished them.
   bool WaitForFrames(Client& client, int frames) const {
     constexpr absl::Duration kPause = absl::Milliseconds(100);
@@ -449,6 +453,36 @@ int MeasureFrames(const Flags& flags) {
   return 0;
 }
 
+/// Of --frames frames the first are received, until one is kept; from then on so many are kept as are not left
+/// for the end, which all workers share.
+int MeasureKept(const Flags& flags) {
+  const absl::StatusOr<std::unique_ptr<ReadyUnits>> units = MakeUnits(flags);
+  if (!units.ok()) return Fail(units.status());
+  ReadyResults results(static_cast<size_t>(flags.result_mb) << 20);
+  const ScratchFolder folder(flags.folder);
+  const absl::StatusOr<std::unique_ptr<ServerProcess>> server =
+      ServerProcess::Start(flags.server, folder.Path("data"), folder.Path("log"),
+                           {"--finish-processes", "1", "--keep-film-gb", "0"});
+  if (!server.ok()) return Fail(server.status());
+  const HeldPlace held(server->get());
+  Client client((*server)->address(), {});
+  if (absl::Status status = SubmitJobs(flags, client); !status.ok()) return Fail(status);
+  Load load({(*server)->address()}, {}, flags.workers, flags.slots, units->get(), &results);
+  const int64_t measured = flags.frames - 5 * int64_t{flags.workers};
+  const bool has_first = load.WaitForKept(flags.workers);
+  const double first_cpu = (*server)->cpu_seconds();
+  const int64_t first = load.counters.kept;
+  const bool has_all = has_first && load.WaitForKept(first + measured);
+  const double all_cpu = (*server)->cpu_seconds();
+  const int64_t kept = load.counters.kept - first;
+  results.Begin();
+  if (!IsClean(load) || !has_all || kept <= 0)
+    return Fail(absl::UnavailableError("the workers do not keep frames"));
+  Print("frames_kept", static_cast<double>(kept), 0);
+  Print("server_cpu_seconds_per_frame_kept", (all_cpu - first_cpu) / static_cast<double>(kept), 4);
+  return 0;
+}
+
 int MeasureRestart(const Flags& flags) {
   const absl::StatusOr<std::unique_ptr<ReadyUnits>> units = MakeUnits(flags);
   if (!units.ok()) return Fail(units.status());
@@ -550,6 +584,7 @@ void RaiseDescriptorLimit() {
 int Run(const Flags& flags) {
   RaiseDescriptorLimit();
   if (flags.measure == "frames") return MeasureFrames(flags);
+  if (flags.measure == "kept") return MeasureKept(flags);
   if (flags.measure == "restart") return MeasureRestart(flags);
   if (flags.measure == "list") return MeasureList(flags);
   return MeasureUnits(flags);

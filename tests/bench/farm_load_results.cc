@@ -27,6 +27,7 @@ ReadyResults::ReadyResults(size_t bytes) : file_(RandomBytes(bytes)), sha256_(rp
 
 absl::Status ReadyResults::Finish(v1::WorkerService::StubInterface* coordinator, const std::string& worker_id,
                                   const v1::Lease& lease) const {
+  if (lease.keep()) return Deliver(coordinator, worker_id, lease);
   begun_.WaitForNotification();
   v1::FetchUnitsRequest request;
   request.set_worker_id(worker_id);

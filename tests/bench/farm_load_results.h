@@ -9,8 +9,8 @@
 
 namespace lumifold::bench {
 
-/// Finishes frames in the name of workers, once it may: fetches the units, which nobody reads, and delivers a
-/// file that is ready.
+/// Finishes frames in the name of workers: fetches the units, once it may, which nobody reads, and delivers a
+/// file that is ready. Of frames that a worker keeps nothing is fetched, and nothing waited for.
 /// Threads: safe.
 class ReadyResults {
  public:

@@ -30,6 +30,13 @@ grpc::ByteBuffer Serialised(const v1::WorkerMessage& message) {
   return {&slice, 1};
 }
 
+grpc::ByteBuffer KeptMessage(const v1::Lease& lease) {
+  v1::WorkerMessage message;
+  *message.mutable_kept()->mutable_unit() = lease.unit();
+  message.mutable_kept()->set_attempt(lease.attempt());
+  return Serialised(message);
+}
+
 std::vector<double> Sorted(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   return values;
@@ -91,6 +98,7 @@ LoadWorker::LoadWorker(const std::string& address, const rpc::Security& security
   if (results != nullptr) {
     message.mutable_hello()->set_finishes(1);
     message.mutable_hello()->set_finish_memory_bytes(kManyBytes);
+    message.mutable_hello()->set_keep_bytes(kManyBytes);
   }
   message.mutable_hello()->set_slots(slots);
   message.mutable_hello()->set_wire_version(rpc::kWireVersion);
@@ -170,7 +178,8 @@ void LoadWorker::OnGrant(const v1::Grant& grant) {
 }
 
 void LoadWorker::Answer(const v1::Lease& lease, absl::Time now) {
-  std::vector<grpc::ByteBuffer> messages = units_->MessagesFor(lease);
+  std::vector<grpc::ByteBuffer> messages =
+      lease.keep() ? std::vector<grpc::ByteBuffer>{KeptMessage(lease)} : units_->MessagesFor(lease);
   absl::MutexLock lock(&mutex_);
   newest_attempt_ = std::max(newest_attempt_, lease.attempt());
   if (!free_since_.empty()) {
@@ -199,6 +208,7 @@ void LoadWorker::Finish(const v1::Lease& lease) {
     absl::MutexLock lock(&mutex_);
     delivered_.erase(lease.attempt());
     ++counters_->finished;
+    if (lease.keep()) ++counters_->kept;
   });
 }
 

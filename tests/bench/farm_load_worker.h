@@ -33,6 +33,7 @@ class LoadCounters {
   std::atomic<int64_t> refused = 0;
   std::atomic<int64_t> committed_bytes = 0;
   std::atomic<int64_t> finished = 0;  // frames
+  std::atomic<int64_t> kept = 0;      // of these
 
   /// Times are kept between Start and Stop only.
   void StartTiming();
@@ -56,7 +57,7 @@ class LoadCounters {
 
 /// A worker that answers each lease with a unit that is ready, on a connection of its own. Sends raw bytes,
 /// so that N workers cost little more than the system's sockets. With results it finishes frames too, one at
-/// a time.
+/// a time, and keeps them if it is asked to.
 /// Threads: safe.
 class LoadWorker final : private grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer> {
  public:

@@ -47,24 +47,23 @@ void Print(const FarmResult& result) {
 /// The table of docs/scale.md: an animation whose frames take 8.5 s to render with 8 samples, and 41.6 with
 /// 64.
 void PrintFinishing() {
-  std::cout
-      << "| workers | samples | frames an hour, one filter on the coordinator | share | with workers "
-         "that finish | "
-         "share | by workers | whole frames in place | share |\n|---|---|---|---|---|---|---|---|---|\n";
+  std::cout << "| workers | samples | frames an hour, one filter on the coordinator | share | with workers "
+               "that finish | "
+               "share | by workers | with workers that keep frames | share "
+               "|\n|---|---|---|---|---|---|---|---|---|\n";
   for (const auto& [samples, seconds] : {std::pair{8, 8.5}, std::pair{64, 41.6}}) {
     for (const int workers : {1, 2, 4, 8, 16, 64}) {
       FinishSettings settings = {.workers = workers, .render_seconds = seconds};
       const FinishResult with = SimulateFinishing(settings);
-      settings.in_place = true;
-      const FinishResult in_place = SimulateFinishing(settings);
-      settings.in_place = false;
+      settings.workers_keep = true;
+      const FinishResult kept = SimulateFinishing(settings);
+      settings.workers_keep = false;
       settings.workers_finish = false;
       settings.processes = 1;
       const FinishResult without = SimulateFinishing(settings);
       std::cout << absl::StrFormat("| %d | %d | %.0f | %.2f | %.0f | %.2f | %.2f | %.0f | %.2f |\n", workers,
                                    samples, without.frames_per_hour, without.share, with.frames_per_hour,
-                                   with.share, with.finished_by_workers, in_place.frames_per_hour,
-                                   in_place.share);
+                                   with.share, with.finished_by_workers, kept.frames_per_hour, kept.share);
     }
   }
 }

@@ -140,5 +140,18 @@ TEST(FinishSim, WorkersThatFinishGrowTheFarmPastItsCoordinator) {
   EXPECT_GT(many.finished_by_workers, 0.9);
 }
 
+TEST(FinishSim, WorkersThatKeepFramesGrowItFurtherAndSmallFarmsLoseNothing) {
+  for (const double render_seconds : {8.5, 41.6}) {
+    for (const int workers : {1, 2, 4, 8, 16, 64}) {
+      FinishSettings settings = {.workers = workers, .render_seconds = render_seconds};
+      const FinishResult travelling = SimulateFinishing(settings);
+      settings.workers_keep = true;
+      const FinishResult kept = SimulateFinishing(settings);
+      EXPECT_GE(kept.share, 0.95) << workers;
+      EXPECT_GE(kept.share, 0.93 * travelling.share) << workers;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace lumifold::sim

@@ -93,11 +93,24 @@ struct Work {
   std::function<void()> done;
 };
 
+/// A frame whose units are rendered by one worker.
+struct KeptFrame {
+  int64_t number = 0;
+  int next = 0;  // units that are leased
+  int done = 0;
+};
+
 struct SimWorker {
   int units = 0;  // leases
+  std::deque<KeptFrame> kept;
+  int keeping = 0;  // those, and what it finishes of them
   int idle_threads = 0;
   std::deque<Work> waiting;
 };
+
+server::FinishOptions OptionsOf(const FinishSettings& settings) {
+  return {.processes = settings.processes, .threads = settings.coordinator_cores, .memory_bytes = kManyBytes};
+}
 
 class Farm {
  public:
@@ -105,9 +118,7 @@ class Farm {
       : settings_(settings),
         frames_(std::max(kLeastFrames, kFramesOfAWorker * settings.workers)),
         cores_(settings.coordinator_cores),
-        queue_({.processes = settings.processes,
-                .threads = settings.coordinator_cores,
-                .memory_bytes = kManyBytes}),
+        queue_(OptionsOf(settings)),
         workers_(static_cast<size_t>(settings.workers)),
         received_(static_cast<size_t>(frames_)) {
     queue_.AddJob(kAnimation, {});
@@ -151,7 +162,6 @@ class Farm {
       ends_of_work_.erase(ends_of_work_.begin());
     }
     for (const std::function<void()>& done : ended) done();
-    for (const size_t worker : std::exchange(next_, {})) Grant(worker);  // its thread is idle now
   }
 
   /// Something for a thread of the worker.
@@ -177,30 +187,68 @@ class Farm {
     for (size_t i = 0; i < workers_.size(); ++i) Grant(i);
   }
   void Grant(size_t number) {
-    if (settings_.in_place && next_unit_ % settings_.units == 0 && FramesLeft() > AllThreads())
-      return GrantFrames(number);
-    while (next_unit_ < int64_t{frames_} * settings_.units &&
-           workers_[number].units < 2 * settings_.worker_threads) {
-      const auto frame = static_cast<size_t>(next_unit_++ / settings_.units);
-      ++workers_[number].units;
-      Give(number, {settings_.render_seconds / settings_.units, [this, number, frame] {
-                      cores_.AddMessage(settings_.receive_seconds / settings_.units,
-                                        [this, number, frame] { OnReceived(number, frame); });
-                    }});
+    const int slots = 2 * settings_.worker_threads;
+    while (workers_[number].units < slots && (GrantKept(number) || BeginKept(number) || GrantAny(number))) {
     }
   }
-  int64_t AllThreads() const { return int64_t{settings_.workers} * settings_.worker_threads; }
-  int64_t FramesLeft() const { return frames_ - next_unit_ / settings_.units; }
-  /// Each idle thread of the worker gets a frame for itself.
-  void GrantFrames(size_t number) {
-    while (workers_[number].idle_threads > 0 && FramesLeft() > AllThreads()) {
-      next_unit_ += settings_.units;
+  /// A unit that all workers may get.
+  bool GrantAny(size_t number) {
+    const bool begins = next_unit_ % settings_.units == 0;
+    if (next_unit_ == int64_t{frames_} * settings_.units || (begins && KeepsNext())) return false;
+    if (begins) ++travelling_;
+    const auto frame = static_cast<size_t>(next_unit_++ / settings_.units);
+    Render(number, settings_.receive_seconds, [this, number, frame] { OnReceived(number, frame); });
+    return true;
+  }
+  /// A unit of a frame that the worker keeps.
+  bool GrantKept(size_t number) {
+    std::deque<KeptFrame>& kept = workers_[number].kept;
+    const auto frame = std::find_if(kept.begin(), kept.end(),
+                                    [this](const KeptFrame& other) { return other.next < settings_.units; });
+    if (frame == kept.end()) return false;
+    ++frame->next;
+    Render(number, settings_.keep_seconds, [this, number, id = frame->number] { OnKept(number, id); });
+    return true;
+  }
+  /// The worker keeps the next frame, if it is to be kept and the worker keeps no more than it finishes.
+  bool BeginKept(size_t number) {
+    if (!KeepsNext() || workers_[number].keeping > settings_.worker_threads) return false;
+    ++workers_[number].keeping;
+    workers_[number].kept.push_back({next_unit_ / settings_.units});
+    next_unit_ += settings_.units;
+    return GrantKept(number);
+  }
+  /// Whether the next frame does not travel: as many do as the coordinator can finish, and as many again.
+  bool KeepsNext() const {
+    const int64_t left = frames_ - next_unit_ / settings_.units;
+    return settings_.workers_keep && next_unit_ % settings_.units == 0 && left >= 2 * settings_.workers &&
+           travelling_ >= 2 * OptionsOf(settings_).PlacesFor(kFrameBytes);
+  }
+  /// Of a frame's unit; `frame_seconds` are those of the coordinator for all of them.
+  void Render(size_t number, double frame_seconds, std::function<void()> done) {
+    ++workers_[number].units;
+    Give(number, {settings_.render_seconds / settings_.units,
+                  [this, seconds = frame_seconds / settings_.units, done = std::move(done)] {
+                    cores_.AddMessage(seconds, done);
+                  }});
+  }
+  void OnKept(size_t number, int64_t id) {
+    SimWorker& worker = workers_[number];
+    --worker.units;
+    const auto frame = std::find_if(worker.kept.begin(), worker.kept.end(),
+                                    [id](const KeptFrame& other) { return other.number == id; });
+    if (++frame->done == settings_.units) {
+      worker.kept.erase(frame);
       ++away_;
-      Give(number, {settings_.render_seconds + settings_.finish_seconds, [this, number] {
-                      cores_.AddMessage(settings_.send_seconds / 2, [this] { ends_.push_back(now_); });
-                      next_.push_back(number);
+      Give(number, {settings_.finish_seconds, [this, number] {
+                      cores_.AddMessage(settings_.send_seconds / 2, [this, number] {
+                        --workers_[number].keeping;
+                        ends_.push_back(now_);
+                        Grant(number);
+                      });
                     }});
     }
+    Grant(number);
   }
   void OnReceived(size_t worker, size_t frame) {
     --workers_[worker].units;
@@ -262,6 +310,7 @@ class Farm {
   }
   void End(const FramePart& part) {
     queue_.End(part, Now());
+    --travelling_;
     ends_.push_back(now_);
     BeginFrames();
   }
@@ -275,9 +324,9 @@ class Farm {
   std::vector<SimWorker> workers_;
   std::vector<int> received_;  // units of each frame
   std::multimap<double, std::function<void()>> ends_of_work_;
-  std::vector<size_t> next_;  // workers that have finished a frame
   std::vector<double> ends_;  // of frames
   int64_t next_unit_ = 0;
+  int64_t travelling_ = 0;  // frames that are not kept, from their first unit to their end
   int64_t attempts_ = 0;
   int away_ = 0;
   int failures_ = 0;

@@ -20,9 +20,10 @@ struct FinishSettings {
   bool workers_finish = true;
   /// So many workers render, but fail each frame that they are to finish, as soon as they have it.
   int failing_workers = 0;
-  /// A design that is not built: each thread of a worker renders and finishes a frame by itself and sends the
-  /// file alone, as long as more frames are left than threads; those go by units.
-  bool in_place = false;
+  /// Workers keep frames, as scheduler::Keeping has it.
+  bool workers_keep = false;
+  /// For each kept frame, of the coordinator: what is told of its units. The file takes half of send_seconds.
+  double keep_seconds = .02;
   /// Frames that the coordinator finishes at a time; 0: as many as it has cores.
   int processes = 0;
 };

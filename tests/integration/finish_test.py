@@ -12,13 +12,16 @@ import unittest
 
 from farm import Farm, make_scene, wait_until
 
-FRAMES = 8
-SETTINGS = ["--size", "128x96", "--spp", "8", "--frames", f"0-{FRAMES - 1}"]
 ONE_PLACE = ["--finish-processes", "1", "--filter-threads", "1"]  # so that the others wait
 SHORT_LEASES = ["--lease-seconds", "3", "--heartbeat-seconds", "0.2"]
 
 
-class FinishTest(unittest.TestCase):
+class FramesTest(unittest.TestCase):
+    """Jobs of some frames, and their files as a coordinator that gets no help makes them."""
+
+    FRAMES = 8
+    SAMPLES = "8"
+
     @classmethod
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
@@ -37,7 +40,8 @@ class FinishTest(unittest.TestCase):
 
     @classmethod
     def submit(cls, farm, *options):
-        return farm.client("submit", cls.scene, *SETTINGS, *options).stdout.strip()
+        return farm.client("submit", cls.scene, "--size", "128x96", "--spp", cls.SAMPLES, "--frames",
+                           f"0-{cls.FRAMES - 1}", *options).stdout.strip()
 
     @staticmethod
     def results(data, job):
@@ -50,14 +54,14 @@ class FinishTest(unittest.TestCase):
         self.assertEqual(farm.status(job)["state"], "done")
         found = self.results(data, job)
         self.assertEqual(sorted(found), sorted(self.expected))
-        self.assertEqual(len(found), 2 * FRAMES)
+        self.assertEqual(len(found), 2 * self.FRAMES)
         for name, content in found.items():
             self.assertEqual(content, self.expected[name], name)
 
     @staticmethod
     def leased_to(farm, worker):
         """Frames that were leased to the process, so far."""
-        return re.findall(rf"event=frame_leased .* worker=w-\d+/\S+:{worker.popen.pid} ", farm.server.log_text())
+        return re.findall(rf"event=frame_leased .* worker=w-\d+/\S+:{worker.popen.pid} .*", farm.server.log_text())
 
     def job_until(self, farm, happened, *options):
         """A job during which it happened. On a loaded machine the coordinator may keep up with what is rendered,
@@ -70,6 +74,8 @@ class FinishTest(unittest.TestCase):
                 return job
         return self.fail("it did not happen during 20 jobs")
 
+
+class FinishTest(FramesTest):
     def test_workers_finish_what_the_coordinator_has_no_place_for(self):
         with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
             workers = [farm.start_worker(threads=2) for _ in range(2)]
@@ -82,7 +88,7 @@ class FinishTest(unittest.TestCase):
             leased = log.count("event=frame_leased") - log.count("event=frame_came_back")
             wait_until(lambda: finished() >= leased, "the workers' last lines")
             self.assertEqual(finished(), leased)
-            self.assertEqual(log.count("event=frame_finished"), FRAMES * log.count("event=job_submitted"))
+            self.assertEqual(log.count("event=frame_finished"), self.FRAMES * log.count("event=job_submitted"))
 
     def test_workers_compare_the_results_of_an_audited_job(self):
         with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE) as farm:
@@ -217,6 +223,63 @@ class AdaptiveFinishTest(unittest.TestCase):
                 if re.search("event=frame_finished .*kind=result", worker.log_text()):
                     return
             self.fail("no frame went to a worker during 20 jobs")
+
+
+
+class KeptFramesTest(FramesTest):
+    """Frames of a job whose film is larger than what the coordinator keeps of films: each worker keeps the units of
+    its frames and finishes them."""
+
+    FRAMES = 16
+    SAMPLES = "2"  # so that the filter takes longer
+    SERVER = ["--keep-film-gb", "0", *ONE_PLACE, *SHORT_LEASES]
+
+    @staticmethod
+    def kept_by(farm, worker):
+        """Frames whose units the process has kept, as far as they are due."""
+        return [line for line in FramesTest.leased_to(farm, worker) if " kept=true" in line]
+
+    def test_the_file_alone_travels(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data, *self.SERVER) as farm:
+            workers = [farm.start_worker(threads=2) for _ in range(2)]
+            job = self.job_until(farm, lambda: any(self.kept_by(farm, worker) for worker in workers))
+            self.expect_same(data, farm, job)
+            status = farm.status(job)
+            self.assertEqual(status["units_done"], status["units_total"])
+            self.assertNotIn("event=frame_kept_no_more", farm.server.log_text())
+
+    def test_a_job_whose_film_stays_sends_it(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data, *ONE_PLACE, *SHORT_LEASES) as farm:
+            workers = [farm.start_worker(threads=2) for _ in range(2)]
+            job = self.job_until(farm, lambda: any(self.leased_to(farm, worker) for worker in workers))
+            self.expect_same(data, farm, job)
+            self.assertNotIn(" kept=true", farm.server.log_text())
+
+    @contextlib.contextmanager
+    def a_keeper(self):
+        """A farm of two workers, the first of which keeps a frame; what happens then changes no file."""
+        with tempfile.TemporaryDirectory() as data, Farm(data, *self.SERVER) as farm:
+            workers = [farm.start_worker("--drain-seconds", "0", threads=2) for _ in range(2)]
+            job = self.job_until(farm, lambda: self.kept_by(farm, workers[0]))
+            yield farm, workers[0]
+            self.expect_same(data, farm, job)
+
+    def test_a_killed_keeper_costs_its_frames(self):
+        with self.a_keeper() as (_, worker):
+            worker.kill()
+
+    def test_a_keeper_that_hangs_costs_its_frames(self):
+        with self.a_keeper() as (_, worker):
+            worker.pause()
+
+    def test_a_keeper_that_leaves_costs_its_frames(self):
+        with self.a_keeper() as (_, worker):
+            self.assertEqual(worker.stop(), 0)
+
+    def test_a_killed_coordinator_renders_them_again(self):
+        with self.a_keeper() as (farm, _):
+            farm.server.kill()
+            farm.restart_server()
 
 
 class BlocksTest(unittest.TestCase):

@@ -185,6 +185,7 @@ v1::WorkerMessage MakeHello(const WorkerOptions& options, const LeaseRunner& wor
   hello->set_instance(worker.instance());
   hello->set_finishes(options.finishing.count);
   hello->set_finish_memory_bytes(options.finishing.memory_bytes);
+  hello->set_keep_bytes(options.finishing.keep_bytes);
   return message;
 }
 

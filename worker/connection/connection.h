@@ -26,6 +26,8 @@ namespace lumifold::worker {
 struct FinishPlaces {
   int count = 0;
   uint64_t memory_bytes = 0;
+  /// Memory for units of frames that it keeps until it finishes them.
+  uint64_t keep_bytes = 0;
 };
 
 /// Where assets are kept for other workers of this machine and later ones, see AssetFolder.

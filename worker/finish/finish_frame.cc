@@ -54,6 +54,13 @@ absl::StatusOr<job::FrameRounds> TakeRounds(const v1::JobSpec& spec, uint64_t un
   return job::FrameRounds::Replay(spec, rounds);
 }
 
+absl::StatusOr<film::UnitRecords> OpenRecords(const v1::Lease& lease, rpc::FileHandle file) {
+  absl::StatusOr<film::UnitLogReader> reader =
+      film::UnitLogReader::OfFile(std::move(file), absl::StrCat("units of frame ", lease.unit().frame()));
+  if (!reader.ok()) return reader.status();
+  return film::UnitRecords::Open(*std::move(reader));
+}
+
 absl::StatusOr<FetchedFrame> Fetch(const v1::JobSpec& spec, const v1::Lease& lease, FrameLink* link,
                                    UnitControl* control, MemoryFiles* files) {
   film::LevelSet levels;
@@ -78,12 +85,16 @@ absl::StatusOr<FetchedFrame> Fetch(const v1::JobSpec& spec, const v1::Lease& lea
     if (!taken.ok()) return taken.status();
     rounds = *std::move(taken);
   }
-  absl::StatusOr<film::UnitLogReader> reader =
-      film::UnitLogReader::OfFile(files->Take(kUnits), absl::StrCat("units of frame ", lease.unit().frame()));
-  if (!reader.ok()) return reader.status();
-  absl::StatusOr<film::UnitRecords> units = film::UnitRecords::Open(*std::move(reader));
+  absl::StatusOr<film::UnitRecords> units = OpenRecords(lease, files->Take(kUnits));
   if (!units.ok()) return units.status();
   return FetchedFrame{*std::move(units), levels, std::move(rounds)};
+}
+
+/// The same of the units that the worker has kept.
+absl::StatusOr<FetchedFrame> OpenKept(const v1::Lease& lease, rpc::FileHandle file) {
+  absl::StatusOr<film::UnitRecords> units = OpenRecords(lease, std::move(file));
+  if (!units.ok()) return units.status();
+  return FetchedFrame{*std::move(units), {}, std::nullopt};
 }
 
 absl::StatusOr<std::string> Sha256Of(const rpc::FileHandle& file) {
@@ -131,9 +142,10 @@ absl::StatusOr<v1::FrameReport> MakePart(const server::CompleteFrame& frame, con
 }
 
 absl::Status Finish(const v1::JobSpec& spec, const std::string& numeric_class, const v1::Lease& lease,
-                    FrameLink* link, UnitControl* control) {
+                    rpc::FileHandle kept, FrameLink* link, UnitControl* control) {
   MemoryFiles files;
-  const absl::StatusOr<FetchedFrame> fetched = Fetch(spec, lease, link, control, &files);
+  const absl::StatusOr<FetchedFrame> fetched =
+      kept.get() >= 0 ? OpenKept(lease, std::move(kept)) : Fetch(spec, lease, link, control, &files);
   if (!fetched.ok()) return fetched.status();
   const server::CompleteFrame frame = {.spec = spec,
                                        .frame = lease.unit().frame(),
@@ -169,9 +181,9 @@ absl::Status Finish(const v1::JobSpec& spec, const std::string& numeric_class, c
 }  // namespace
 
 absl::Status FinishFrame(const v1::JobSpec& spec, const std::string& numeric_class, const v1::Lease& lease,
-                         FrameLink* link, UnitControl* control) {
+                         rpc::FileHandle kept, FrameLink* link, UnitControl* control) {
   try {
-    return Finish(spec, numeric_class, lease, link, control);
+    return Finish(spec, numeric_class, lease, std::move(kept), link, control);
   } catch (const std::bad_alloc&) {
     return scene::OutOfMemory("the frame");
   }

@@ -5,19 +5,20 @@
 #include "absl/status/status.h"
 #include "lumifold/v1/job.pb.h"
 #include "lumifold/v1/worker.pb.h"
+#include "proto/rpc/byte_stream.h"
 #include "worker/finish/frame_link.h"
 #include "worker/units/unit_renderer.h"
 
 namespace lumifold::worker {
 
-/// Fetches the units of a leased frame, makes its result on this thread and delivers it, or a block of it, or
-/// the errors of one of its rounds: the bytes are those that the coordinator would write. No file is written;
-/// units and result lie in memory.
+/// Makes the result of a leased frame on this thread and delivers it, or a block of it, or the errors of one
+/// of its rounds: the bytes are those that the coordinator would write. No file is written; units and result
+/// lie in memory. `kept`: the records of the frame's units, one after another; not valid: they are fetched.
 /// `numeric_class`: that of the worker, which is the job's.
 /// Errors: those of FrameLink, MakePicture and job::FrameRounds::Replay; kResourceExhausted without memory;
 /// kCancelled once control->stop is true, between its stages.
 /// Threads: safe concurrently.
 absl::Status FinishFrame(const v1::JobSpec& spec, const std::string& numeric_class, const v1::Lease& lease,
-                         FrameLink* link, UnitControl* control);
+                         rpc::FileHandle kept, FrameLink* link, UnitControl* control);
 
 }  // namespace lumifold::worker

@@ -44,6 +44,7 @@ bool HeldUnits::IsHeld(const TakenPtr& taken) const {
 
 void HeldUnits::LoseConnection() {
   newest_attempt_ = 0;
+  kept_.Clear();
   RemoveHeld([](const v1::Lease&) { return true; });
 }
 

@@ -9,6 +9,7 @@
 
 #include "absl/time/time.h"
 #include "lumifold/v1/worker.pb.h"
+#include "worker/finish/kept_units.h"
 #include "worker/metrics/worker_metrics.h"
 #include "worker/units/unit_renderer.h"
 
@@ -48,7 +49,9 @@ class HeldUnits {
   /// Whether the unit's lease is still held.
   bool IsHeld(const TakenPtr& taken) const;
 
-  /// Removes all leases, and stops rendering their units: their connection is lost.
+  /// Records of units whose leases have ended well.
+  KeptUnits& kept() { return kept_; }
+  /// Removes all leases and records, and stops rendering units: their connection is lost.
   void LoseConnection();
   /// Removes held leases that meet the condition, and stops rendering their units.
   template <typename Condition>
@@ -74,6 +77,7 @@ class HeldUnits {
 
   std::deque<v1::Lease> waiting_;
   std::vector<v1::Lease> held_;
+  KeptUnits kept_;
   absl::Time idle_since_;              // by rpc::MonotonicNow(), while held_ is empty
   std::map<int64_t, TakenPtr> taken_;  // those that are held, by attempt
   int64_t past_progress_ = 0;          // sum of those that were removed

@@ -182,12 +182,14 @@ void LeaseRunner::OnAck(const v1::UnitAck& ack) {
 void LeaseRunner::OnVoidLeases(const v1::VoidLeases& message) {
   for (const v1::Lease& lease : message.leases()) {
     log_.log->info("event=lease_void {}", Describe(lease.unit()));
+    if (lease.keep()) units_.kept().Drop(lease.unit());
     units_.RemoveHeld([&](const v1::Lease& own) { return IsLease(own, lease.unit(), lease.attempt()); });
   }
 }
 
 void LeaseRunner::OnJobEnded(const std::string& job_id) {
   units_.RemoveHeld([&](const v1::Lease& lease) { return lease.unit().job_id() == job_id; });
+  units_.kept().DropJob(job_id);
   specs_->Forget(job_id);
   renderer_->ForgetJob(job_id);
   LogAccount(job_id, account_.Close(job_id));
@@ -332,17 +334,23 @@ absl::Status LeaseRunner::TryUnguarded(const TakenPtr& taken) {
       unit.kind() == v1::UNIT_KIND_ESTIMATE)
     return Finish(taken, **spec);
   const absl::StatusOr<RenderedUnit> rendered = renderer_->Render(**spec, taken->lease, &taken->control);
-  if (rendered.ok()) Deliver(taken, *rendered);
-  return rendered.status();
+  return rendered.ok() ? Deliver(taken, **spec, *rendered) : rendered.status();
 }
 
 absl::Status LeaseRunner::Finish(const TakenPtr& taken, const v1::JobSpec& spec) {
   if (frames_.link == nullptr) return absl::UnimplementedError("this worker finishes no frames");
+  const v1::Lease& lease = taken->lease;
+  absl::StatusOr<rpc::FileHandle> kept = rpc::FileHandle();
+  if (lease.keep()) {
+    absl::MutexLock lock(&mutex_);
+    kept = units_.kept().Open(lease.unit());
+    if (!kept.ok()) return kept.status();
+  }
   const absl::Status finished =
-      FinishFrame(spec, frames_.numeric_class, taken->lease, frames_.link, &taken->control);
+      FinishFrame(spec, frames_.numeric_class, lease, *std::move(kept), frames_.link, &taken->control);
   if (!finished.ok()) return finished;
   absl::MutexLock lock(&mutex_);
-  const v1::Lease& lease = taken->lease;
+  if (lease.keep() && units_.IsHeld(taken)) units_.kept().Drop(lease.unit());
   log_.log->info("event=frame_finished {}", Describe(lease.unit()));
   ++totals_.frames_finished;
   units_.RemoveHeld([&](const v1::Lease& held) { return IsLease(held, lease.unit(), lease.attempt()); });
@@ -373,8 +381,7 @@ void LeaseRunner::EndJobOf(const TakenPtr& taken) {
   if (units_.IsHeld(taken)) OnJobEnded(taken->lease.unit().job_id());
 }
 
-void LeaseRunner::Deliver(const TakenPtr& taken, const RenderedUnit& unit) {
-  std::shared_ptr<Outbox> outbox;
+absl::Status LeaseRunner::Deliver(const TakenPtr& taken, const v1::JobSpec& spec, const RenderedUnit& unit) {
   {
     absl::MutexLock lock(&mutex_);
     log_.log->debug("event=unit_rendered {} seconds={:.3f}", Describe(taken->lease.unit()),
@@ -382,6 +389,37 @@ void LeaseRunner::Deliver(const TakenPtr& taken, const RenderedUnit& unit) {
     ++totals_.units_rendered;
     totals_.samples += unit.stats.samples();
     totals_.rays += unit.stats.rays();
+  }
+  if (taken->lease.keep()) return Keep(taken, spec, unit);
+  Send(taken, unit);
+  return absl::OkStatus();
+}
+
+absl::Status LeaseRunner::Keep(const TakenPtr& taken, const v1::JobSpec& spec, const RenderedUnit& unit) {
+  const v1::Lease& lease = taken->lease;
+  const absl::StatusOr<film::EncodedUnit> record = RecordOf(spec, lease, unit);
+  if (!record.ok()) return record.status();
+  v1::WorkerMessage message;
+  v1::KeptUnit* const kept = message.mutable_kept();
+  *kept->mutable_unit() = lease.unit();
+  kept->set_attempt(lease.attempt());
+  *kept->mutable_stats() = record->stats;
+  kept->mutable_stats()->clear_camera();
+  kept->mutable_stats()->clear_objects();
+  kept->set_record_bytes(record->size_bytes());
+  absl::MutexLock lock(&mutex_);
+  if (!units_.IsHeld(taken)) return absl::OkStatus();
+  if (absl::Status status = units_.kept().Add(*record); !status.ok()) return status;
+  taken->is_delivered = true;
+  totals_.unit_bytes_sent += static_cast<int64_t>(message.ByteSizeLong());
+  outbox_->Send(std::move(message));
+  return absl::OkStatus();
+}
+
+void LeaseRunner::Send(const TakenPtr& taken, const RenderedUnit& unit) {
+  std::shared_ptr<Outbox> outbox;
+  {
+    absl::MutexLock lock(&mutex_);
     if (!units_.IsHeld(taken)) return;
     taken->is_delivered = true;
     outbox = outbox_;

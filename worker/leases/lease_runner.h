@@ -124,8 +124,10 @@ class LeaseRunner {
   void Fail(const TakenPtr& taken, const absl::Status& failure);
   /// The job of the unit has ended, and the message that says so is on its way.
   void EndJobOf(const TakenPtr& taken);
-  /// Delivers a rendered unit, unless the lease is void.
-  void Deliver(const TakenPtr& taken, const RenderedUnit& unit);
+  /// Delivers a rendered unit, or keeps its record, unless the lease is void.
+  absl::Status Deliver(const TakenPtr& taken, const v1::JobSpec& spec, const RenderedUnit& unit);
+  absl::Status Keep(const TakenPtr& taken, const v1::JobSpec& spec, const RenderedUnit& unit);
+  void Send(const TakenPtr& taken, const RenderedUnit& unit);
 
   /// Removes held leases that meet the condition, and hands them back.
   template <typename Condition>

@@ -57,6 +57,10 @@ PumpedWorker::PumpedWorker(Coordinator* coordinator, const std::string& name) : 
   Open(coordinator, std::move(hello), access::LocalIdentity());
 }
 
+PumpedWorker::PumpedWorker(Coordinator* coordinator, const v1::Hello& hello) : seed_(1) {
+  Open(coordinator, hello, access::LocalIdentity());
+}
+
 void PumpedWorker::Open(Coordinator* coordinator, v1::Hello hello, const access::Identity& caller) {
   hello.set_numeric_class(absl::StrCat("test-", PictureCode(), "-"));
   hello.set_wire_version(rpc::kWireVersion);
@@ -115,8 +119,8 @@ absl::Status PumpedWorker::DeliverResult(Coordinator* coordinator, const std::st
   return (*upload)->Finish();
 }
 
-void PumpedWorker::Fail() {
-  while (leases() > 0) {
+void PumpedWorker::Fail(int count) {
+  for (; count > 0 && leases() > 0; --count) {
     const v1::Lease lease = TakeLease();
     v1::WorkerMessage message;
     *message.mutable_failure()->mutable_unit() = lease.unit();
@@ -178,6 +182,13 @@ void PumpedWorker::DeliverUnit(const v1::Lease& lease) {
 }
 
 void PumpedWorker::DeliverPixels(const v1::Lease& lease) {
+  if (lease.keep()) {
+    v1::WorkerMessage kept;
+    *kept.mutable_kept()->mutable_unit() = lease.unit();
+    kept.mutable_kept()->set_attempt(lease.attempt());
+    EXPECT_TRUE(session_->Handle(&kept).ok());
+    return;
+  }
   const Rect rect = {lease.rect().x0(), lease.rect().y0(), lease.rect().x1(), lease.rect().y1()};
   const SampleRange samples = {static_cast<uint32_t>(lease.first_sample()),
                                static_cast<uint32_t>(lease.last_sample())};

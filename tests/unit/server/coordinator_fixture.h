@@ -33,6 +33,8 @@ class PumpedWorker final : public WorkerSink {
   PumpedWorker(Coordinator* coordinator, int slots, uint64_t instance);
   /// One that finishes a frame at a time, and renders nothing.
   PumpedWorker(Coordinator* coordinator, const std::string& name);
+  /// One that says this of itself, beside its class.
+  PumpedWorker(Coordinator* coordinator, const v1::Hello& hello);
 
   void Send(const v1::CoordinatorMessage& message) override;
   /// Delivers the units of at most `count` leases that it has got; returns how many.
@@ -53,8 +55,8 @@ class PumpedWorker final : public WorkerSink {
     return DeliverResult(coordinator, bytes, /*promised=*/bytes);
   }
   absl::Status DeliverResult(Coordinator* coordinator, const std::string& bytes, const std::string& promised);
-  /// Says that it cannot render the units of the leases that it has got.
-  void Fail();
+  /// Says that it cannot render the units of at most `count` leases that it has got.
+  void Fail(int count = 1'000'000);
   /// All units that were ever leased to it.
   std::set<job::UnitRef> leased() const;
 

@@ -1,4 +1,5 @@
 // A frame that a worker finishes: the same file as the coordinator's.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -22,6 +23,7 @@
 #include "server/picture/make_picture.h"
 #include "tests/unit/server/committed_frame_fixture.h"
 #include "worker/finish/finish_frame.h"
+#include "worker/finish/memory_files.h"
 
 namespace lumifold::server {
 namespace {
@@ -78,7 +80,7 @@ class WorkerFinishTest : public CommittedFrameFixture {
     v1::Lease lease;
     lease.mutable_unit()->set_job_id(job_.value());
     lease.mutable_unit()->set_kind(v1::UNIT_KIND_RESULT);
-    return worker::FinishFrame(job.spec, job.numeric_class, lease, &link_, &control_);
+    return worker::FinishFrame(job.spec, job.numeric_class, lease, rpc::FileHandle(), &link_, &control_);
   }
   absl::Status Finish() { return Finish(*store_->GetJob(job_)); }
 
@@ -96,6 +98,30 @@ TEST_F(WorkerFinishTest, DeliversTheBytesThatTheCoordinatorWouldWrite) {
   EXPECT_GT(link_.report.times().filter_seconds(), 0);
   EXPECT_GE(control_.progress, 3);
   EXPECT_GT(control_.filtered, 0.5);
+}
+
+TEST_F(WorkerFinishTest, MakesTheSameOfUnitsThatItHasKept) {
+  ASSERT_TRUE(FinishFrame(folder_, *store_, {job_, {}}, 0, nullptr, [] { return absl::Now(); }).ok());
+  std::string records;
+  ASSERT_TRUE(link_
+                  .FetchUnits({},
+                              [&](const v1::ByteChunk& chunk) {
+                                records += chunk.data();
+                                return absl::OkStatus();
+                              })
+                  .ok());
+  worker::MemoryFiles files;
+  rpc::FileHandle kept(files.Open("kept", O_RDWR));
+  ASSERT_EQ(files.Write(kept.get(), 0, {records}), 0);
+  link_.damage = [](v1::ByteChunk*) { ADD_FAILURE() << "nothing is fetched"; };
+  const ledger::JobRecord job = *store_->GetJob(job_);
+  v1::Lease lease;
+  lease.mutable_unit()->set_kind(v1::UNIT_KIND_RESULT);
+  lease.set_keep(true);
+  const absl::Status finished =
+      worker::FinishFrame(job.spec, job.numeric_class, lease, std::move(kept), &link_, &control_);
+  ASSERT_TRUE(finished.ok()) << finished;
+  EXPECT_EQ(link_.delivered, Result(job_));
 }
 
 TEST_F(WorkerFinishTest, DeliversABlockOfALargeFrame) {
@@ -117,7 +143,7 @@ TEST_F(WorkerFinishTest, DeliversABlockOfALargeFrame) {
   lease.mutable_unit()->set_kind(v1::UNIT_KIND_BLOCK);
   lease.mutable_unit()->set_tile(3);
   const absl::Status finished =
-      worker::FinishFrame(record.spec, record.numeric_class, lease, &link, &control_);
+      worker::FinishFrame(record.spec, record.numeric_class, lease, rpc::FileHandle(), &link, &control_);
   ASSERT_TRUE(finished.ok()) << finished;
   EXPECT_EQ(link.delivered,
             *MakeBlock({.spec = record.spec, .numeric_class = "", .units = units}, 3, levels, nullptr));
@@ -127,7 +153,8 @@ TEST_F(WorkerFinishTest, DeliversABlockOfALargeFrame) {
   std::ifstream file(folder_.BlockPath(job, 0, 3), std::ios::binary);
   EXPECT_TRUE(std::string(std::istreambuf_iterator<char>(file), {}) == link.delivered);
   lease.mutable_unit()->set_tile(4);
-  EXPECT_EQ(worker::FinishFrame(record.spec, record.numeric_class, lease, &link, &control_).code(),
+  EXPECT_EQ(worker::FinishFrame(record.spec, record.numeric_class, lease, rpc::FileHandle(), &link, &control_)
+                .code(),
             absl::StatusCode::kInvalidArgument);
 }
 
@@ -151,7 +178,8 @@ class AdaptiveFinishTest : public CommittedFrameFixture {
     lease.mutable_unit()->set_job_id(job_.value());
     lease.mutable_unit()->set_kind(kind);
     lease.mutable_unit()->set_pass(round);
-    return worker::FinishFrame(record_.spec, record_.numeric_class, lease, &link_, &control_);
+    return worker::FinishFrame(record_.spec, record_.numeric_class, lease, rpc::FileHandle(), &link_,
+                               &control_);
   }
   /// By the coordinator; `filtered`: a worker has done that.
   absl::Status Estimate(int round, bool filtered = false) {

@@ -41,6 +41,7 @@ class MockWorkerApi : public WorkerApi {
   MOCK_METHOD(std::optional<LeasedUnit>, FindLease, (job::WorkerId, const job::UnitRef&, job::Attempt),
               (override));
   MOCK_METHOD(void, Deliver, (job::WorkerId, film::EncodedUnit), (override));
+  MOCK_METHOD(void, Keep, (job::WorkerId, const KeptUnit&), (override));
   MOCK_METHOD(absl::Status, DeliverPlan, (job::WorkerId, const job::UnitRef&, job::Attempt, const v1::Plan&),
               (override));
   MOCK_METHOD(void, Dismiss, (job::WorkerId, const job::UnitRef&, job::Attempt), (override));

@@ -28,16 +28,17 @@ class FreeUnits {
   void Advance(const JobUnits& units, const JobFrames& frames);
   /// The unit at `next` is leased. Advance follows.
   void TakeNext() { ++next_.number; }
-  /// The frame of `next` is leased in another order. Advance follows.
-  void PassFrame() { next_ = {next_.frame + 1, 0}; }
+  /// `next` never comes to the units of this frame. Advance follows.
+  void Pass(int frame) { passed_.insert(frame); }
   /// Whether `next` will come to the unit; the others are free only if they are returned.
   bool IsInOrder(const Place& place, const JobUnits& units) const {
-    return place >= next_ && place.number < units.ordered();
+    return place >= next_ && place.number < units.ordered() && !passed_.contains(place.frame);
   }
 
  private:
   Place next_;
   std::set<Place> returned_;
+  std::set<int> passed_;
 };
 
 }  // namespace lumifold::scheduler

@@ -103,7 +103,7 @@ Keeping::Next Keeping::NextOf(const Job& job, WorkerId worker) const {
 Place Keeping::Begin(Job& job, WorkerId worker) {
   const int frame = job.free.next().frame;
   frames_->Open(job, frame);
-  job.free.PassFrame();
+  job.free.Pass(frame);
   state_->jobs.kept().Open({job.number, frame}, worker, job.units.ordered(), job.keep.record_bytes);
   if (!job.paused) state_->ready.CountFrames(job.number, -1);
   return *state_->jobs.kept().TakeNext(job.number, worker);

@@ -240,13 +240,24 @@ bool Units::Revoke(const UnitRef& unit) {
   return true;
 }
 
+void Units::ReturnOutOfOrder(Job& job, int frame) {
+  bool is_in_order = true;
+  for (int earlier = job.free.next().frame; earlier < frame; ++earlier)
+    is_in_order &= job.frames.IsActive(earlier) || job.frames.IsOver(earlier);
+  if (is_in_order) return;
+  job.free.Pass(frame);
+  for (int64_t number = 0; number < job.units.ordered(); ++number) job.free.Return({frame, number});
+}
+
 bool Units::Restore(const JobId& id, const RestoredUnit& unit, absl::Time now) {
   state_->SetTime(now);
   const std::optional<UnitIndex> index = state_->jobs.IndexOf({id, unit.key});
   if (!index.has_value()) return false;
   Job& job = state_->jobs.Get(index->job);
   if (job.frames.IsOver(index->place.frame)) return true;  // counted with its frame
+  const bool is_first = !job.frames.IsActive(index->place.frame);
   FrameState& frame = frames_->Open(job, index->place.frame);
+  if (is_first) ReturnOutOfOrder(job, index->place.frame);
   const auto number = static_cast<size_t>(index->place.number);
   if (frame.rounds != nullptr && !frame.rounds->Has(unit.key)) return false;
   if (frame.taken[number]) return true;

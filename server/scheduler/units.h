@@ -87,6 +87,9 @@ class Units {
   /// A worker ran out of memory with the unit, whose lease has been removed.
   void ReturnToLarger(const Lease& lease, const Worker& worker, absl::Time now);
   void ReturnAfter(const UnitIndex& unit, absl::Duration pause, absl::Time now);
+  /// A frame is restored: where earlier ones were kept, and nothing of them is left, its units do not wait
+  /// for theirs, which may not be leased while frames like this one are in flight.
+  static void ReturnOutOfOrder(Job& job, int frame);
   /// The unit, which is accepted, is committed.
   void EndAccepted(const UnitIndex& unit);
 

@@ -159,6 +159,16 @@ TEST_F(KeepingTest, AWorkerThatIsAvailableNoLongerKeepsNothing) {
   }
 }
 
+TEST_F(KeepingTest, AfterARestartFramesThatHaveBegunDoNotWaitForThoseThatWereKept) {
+  AddJob(20);
+  ASSERT_TRUE(scheduler_.units().Restore(kJob, {{3, 0, 0, v1::UNIT_KIND_PASS}}, kStart));
+  scheduler_.frames().SetMaxActive(1);
+  AddWorker(kAnn, 2 * kUnits, {});
+  const std::vector<GrantedLease> leases = scheduler_.GrantLeases(kStart);
+  EXPECT_EQ(leases.size(), size_t{kUnits} - 1);
+  EXPECT_THAT(FramesOf(leases, kAnn), ElementsAre(3));
+}
+
 TEST_F(KeepingTest, NobodyElseGetsALateUnit) {
   AddJob(3);
   AddWorker(kAnn, 2, {.frames = 1, .record_bytes = 1000, .finish_bytes = 50});

@@ -221,7 +221,7 @@ std::string FishCompletion(const std::vector<CommandHelp>& commands) {
       const std::string words = FishWords(option);
       if (option.is_argument() && words.empty()) continue;
       absl::StrAppend(&script, "complete -c lumifold -n '__fish_seen_subcommand_from ", command.name, "'");
-      if (!words.empty()) absl::StrAppend(&script, " -fa ", Quoted(words));
+      if (!words.empty()) absl::StrAppend(&script, option.is_argument() ? " -fa " : " -a ", Quoted(words));
       for (const std::string& name : option.names)
         absl::StrAppend(&script, name.starts_with("--") ? " -l " + name.substr(2) : " -s " + name.substr(1));
       if (!option.value_name.empty())

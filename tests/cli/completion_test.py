@@ -100,8 +100,16 @@ class Completion(harness.CliTest):
             capture_output=True)
         offered = [line.split("\t")[0] for line in done.stdout.splitlines()
                   ]  # fish 4 adds some that have the letters elsewhere
-        self.assertEqual([option for option in offered if option.startswith("--pre")], ["--preview"],
-                         done.stderr)
+        self.assertEqual([option for option in offered if option.startswith("--pre")], ["--preview"])
+        self.assertEqual(done.stderr, "")
+        (self.folder / "sun.exr").touch()
+        done = subprocess.run(
+            ["fish", "--no-config", "-c", "source completion.fish; complete -C 'lumifold render room.glb --env s'"],
+            cwd=self.folder,
+            text=True,
+            capture_output=True)
+        offered = {line.split("\t")[0] for line in done.stdout.splitlines()}
+        self.assertLessEqual({"studio", "sun.exr"}, offered, "words and files")
 
     def test_another_shell_is_refused(self):
         self.check_golden("completion_shell", "completion", "csh")

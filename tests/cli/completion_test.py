@@ -93,23 +93,23 @@ class Completion(harness.CliTest):
         if shutil.which("fish") is None:
             self.skipTest("fish is not installed (deploy/setup.sh --tests)")
         (self.folder / "completion.fish").write_text(self.succeed("completion", "fish"))
-        done = subprocess.run(
-            ["fish", "--no-config", "-c", "source completion.fish; complete -C 'lumifold watch --pre'"],
-            cwd=self.folder,
-            text=True,
-            capture_output=True)
-        offered = [line.split("\t")[0] for line in done.stdout.splitlines()
-                  ]  # fish 4 adds some that have the letters elsewhere
-        self.assertEqual([option for option in offered if option.startswith("--pre")], ["--preview"])
-        self.assertEqual(done.stderr, "")
         (self.folder / "sun.exr").touch()
-        done = subprocess.run(
-            ["fish", "--no-config", "-c", "source completion.fish; complete -C 'lumifold render room.glb --env s'"],
-            cwd=self.folder,
-            text=True,
-            capture_output=True)
-        offered = {line.split("\t")[0] for line in done.stdout.splitlines()}
-        self.assertLessEqual({"studio", "sun.exr"}, offered, "words and files")
+
+        def offered(line):
+            done = subprocess.run(
+                ["fish", "--no-config", "-c", f"source completion.fish; complete -C '{line}'"],
+                cwd=self.folder,
+                env=self.environment | {"PATH": f"{harness.BIN_DIR}:{os.environ['PATH']}"},
+                text=True,
+                capture_output=True)
+            self.assertEqual(done.stderr, "")
+            return [entry.split("\t")[0] for entry in done.stdout.splitlines()]
+
+        # fish 4 adds some that have the letters elsewhere
+        options = [option for option in offered("lumifold watch --pre") if option.startswith("--pre")]
+        self.assertEqual(options, ["--preview"])
+        self.assertLessEqual({"studio", "sun.exr"}, set(offered("lumifold render room.glb --env s")),
+                             "words and files")
 
     def test_another_shell_is_refused(self):
         self.check_golden("completion_shell", "completion", "csh")

@@ -137,7 +137,8 @@ class OpenClRun final : public KernelRun {
     cl_uint index = 0;
     for (const Argument& argument : arguments) {
       const auto set = [&](const auto& value) {
-        return cl_.clSetKernelArg(held.get(), index++, sizeof(value), &value);
+        using Value = std::decay_t<decltype(value)>;
+        return cl_.clSetKernelArg(held.get(), index++, sizeof(Value), static_cast<const void*>(&value));
       };
       const auto set_any = [&](const auto& value) {
         if constexpr (std::is_same_v<std::decay_t<decltype(value)>, Buffer>)

@@ -183,7 +183,8 @@ void ManifoldRun::SplatPoints() {
   std::vector<std::vector<int32_t>> by_cell(cells_);
   for (size_t i = 0; i < points.pixels.size(); ++i) {
     const auto [x, y] = points.pixels[i];
-    auto& cell = by_cell[static_cast<size_t>(y / lattice_.step * grid_.columns + x / lattice_.step)];
+    auto& cell = by_cell[static_cast<size_t>(y / lattice_.step) * static_cast<size_t>(grid_.columns) +
+                         static_cast<size_t>(x / lattice_.step)];
     for (size_t j = 0; j < points.samples; ++j) cell.push_back(Int(i * points.samples + j));
   }
   std::vector<int32_t> cells, firsts = {0}, order;

@@ -2,6 +2,8 @@
 
 #include <cstddef>
 
+#include "filter/image/check.h"
+
 namespace lumifold::scheduler {
 
 using job::Attempt;
@@ -106,7 +108,9 @@ Place Keeping::Begin(Job& job, WorkerId worker) {
   job.free.Pass(frame);
   state_->jobs.kept().Open({job.number, frame}, worker, job.units.ordered(), job.keep.record_bytes);
   if (!job.paused) state_->ready.CountFrames(job.number, -1);
-  return *state_->jobs.kept().TakeNext(job.number, worker);
+  const std::optional<Place> first = state_->jobs.kept().TakeNext(job.number, worker);
+  LUMIFOLD_CHECK(first.has_value());
+  return *first;
 }
 
 }  // namespace lumifold::scheduler

@@ -67,7 +67,7 @@ absl::StatusOr<FetchedFrame> Fetch(const v1::JobSpec& spec, const v1::Lease& lea
   uint64_t rounds_bytes = 0;
   absl::StatusOr<rpc::ByteReceiver> receiver = rpc::ByteReceiver::Open(kUnits, 0, files);
   if (!receiver.ok()) return receiver.status();
-  const absl::Status fetched = link->FetchUnits(lease, [&](const v1::ByteChunk& chunk) {
+  absl::Status fetched = link->FetchUnits(lease, [&](const v1::ByteChunk& chunk) {
     ++control->progress;
     if (chunk.offset() == 0) {
       levels = film::LevelSet(chunk.film_levels());
@@ -147,11 +147,12 @@ absl::Status Finish(const v1::JobSpec& spec, const std::string& numeric_class, c
   const absl::StatusOr<FetchedFrame> fetched =
       kept.get() >= 0 ? OpenKept(lease, std::move(kept)) : Fetch(spec, lease, link, control, &files);
   if (!fetched.ok()) return fetched.status();
+  const std::optional<job::FrameRounds>& rounds = fetched->rounds;
   const server::CompleteFrame frame = {.spec = spec,
                                        .frame = lease.unit().frame(),
                                        .numeric_class = numeric_class,
                                        .units = fetched->units,
-                                       .rounds = fetched->rounds.has_value() ? &*fetched->rounds : nullptr,
+                                       .rounds = rounds.has_value() ? &*rounds : nullptr,
                                        .progress = [control](double share) {
                                          ++control->progress;
                                          control->filtered = share;

@@ -10,7 +10,6 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <array>
 #include <random>
 #include <set>
@@ -76,15 +75,6 @@ ServerOptions WithEvents(ServerOptions options, const std::shared_ptr<logging::J
                          EventLog* events) {
   options.log = MakeEventLogger(options.log, labels, events);
   return options;
-}
-
-/// The name of a machine that a certificate with these names can have: the machine's own if it is one, or
-/// there are none; otherwise the first that is not local.
-std::string HostAmong(const std::vector<std::string>& certified, const std::string& machine) {
-  const bool has_own = std::find(certified.begin(), certified.end(), machine) != certified.end();
-  if (certified.empty() || has_own) return machine;
-  const size_t local = access::HostsOfServer({}).size();  // these come first
-  return certified.size() > local ? certified[local] : certified.front();
 }
 
 /// In lower case, as browsers send it; empty for a malformed address.
@@ -333,9 +323,8 @@ std::string ServerImpl::Address() const {
   if (!rpc::ParseHostAndPort(options_.listen, &listen).ok()) return options_.listen;
   const bool is_any = listen.host == "0.0.0.0" || listen.host == "::";
   std::array<char, 256> machine = {};
-  if (is_any && gethostname(machine.data(), machine.size() - 1) == 0) {
-    return absl::StrCat(HostAmong(CertifiedHosts(), machine.data()), ":", calls_.port);
-  }
+  if (is_any && gethostname(machine.data(), machine.size() - 1) == 0)
+    return absl::StrCat(access::HostForOthers(CertifiedHosts(), machine.data()), ":", calls_.port);
   return absl::StrCat(options_.listen.substr(0, options_.listen.rfind(':')), ":", calls_.port);
 }
 

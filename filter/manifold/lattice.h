@@ -35,7 +35,7 @@ struct Lattice {
   /// From one phase to the next. Phases a power of two apart would share a few sets of the cache, and drive
   /// each other out.
   int SumStride() const { return StripCells() + kRowPadding; }
-  size_t SumFloats() const { return static_cast<size_t>(step * SumStride()); }
+  size_t SumFloats() const { return static_cast<size_t>(step) * static_cast<size_t>(SumStride()); }
   /// Cells of the strip that begins with cell `column`.
   int CellsFrom(int column) const { return std::min(StripCells(), Columns() - column); }
 };

@@ -199,6 +199,10 @@ class OpensslAuthority final : public CertificateAuthority {
 std::string CaPath(const std::string& folder) { return folder + "/ca.pem"; }
 std::string CaKeyPath(const std::string& folder) { return folder + "/ca.key"; }
 
+bool Contains(const std::vector<std::string>& hosts, const std::string& host) {
+  return std::find(hosts.begin(), hosts.end(), host) != hosts.end();
+}
+
 }  // namespace
 
 absl::Status CheckHost(const std::string& host) {
@@ -218,9 +222,18 @@ absl::Status CheckHost(const std::string& host) {
 std::vector<std::string> HostsOfServer(const std::vector<std::string>& names) {
   std::vector<std::string> hosts = {"localhost", "127.0.0.1", "::1"};
   for (const std::string& name : names) {
-    if (std::find(hosts.begin(), hosts.end(), name) == hosts.end()) hosts.push_back(name);
+    if (!Contains(hosts, name)) hosts.push_back(name);
   }
   return hosts;
+}
+
+std::string HostForOthers(const std::vector<std::string>& certified, const std::string& machine) {
+  if (certified.empty() || Contains(certified, machine)) return machine;
+  const std::vector<std::string> own = HostsOfServer({});
+  for (const std::string& host : certified) {
+    if (!Contains(own, host)) return host;
+  }
+  return certified.front();
 }
 
 absl::Status CertificateAuthority::Create(const std::string& folder, absl::Time now) {

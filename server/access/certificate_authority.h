@@ -61,6 +61,10 @@ class CertificateAuthority {
 /// "localhost", "127.0.0.1" and "::1", which are in every server's certificate, and `names`, each once.
 std::vector<std::string> HostsOfServer(const std::vector<std::string>& names);
 
+/// Of the hosts in a server's certificate the one by which other machines reach it: `machine`, its own name,
+/// if that is among them or there are none; otherwise the first that is not each machine's own.
+std::string HostForOthers(const std::vector<std::string>& certified, const std::string& machine);
+
 /// Whether `host` is an IP address or a DNS name.
 absl::Status CheckHost(const std::string& host);
 

@@ -70,9 +70,7 @@ void AddFlags(CLI::App* app, Flags* flags) {
          "--measure", flags->measure,
          "units: rate, times and memory under load; frames: what the coordinator does for --frames frames of "
          "one pass that workers finish; kept: the same where workers keep the frames; restart: time until a "
-         "killed coordinator with --units committed "
-         "units "
-         "listens again; list: time of a page of --jobs jobs")
+         "killed coordinator with --units committed units listens again; list: time of a page of --jobs jobs")
       ->check(CLI::IsMember({"units", "frames", "kept", "restart", "list"}))
       ->capture_default_str();
   app->add_option("--workers", flags->workers)->check(CLI::Range(1, 10'000))->capture_default_str();

@@ -11,6 +11,7 @@
 
 #include "absl/strings/match.h"
 #include "proto/identity/private_file.h"
+#include "server/access/certificate_authority.h"
 #include "tests/unit/access/access_fixture.h"
 
 namespace lumifold::access {
@@ -332,6 +333,14 @@ TEST_F(AccessControlTest, NoSecretInLogsOrInTheStore) {
     EXPECT_THAT(stored, Not(HasSubstr(secret)));
   }
   EXPECT_THAT(log_text(), HasSubstr("event=worker_enrolled name=node-1"));
+}
+
+TEST(CertifiedHosts, OneOfThemIsForOtherMachines) {
+  EXPECT_EQ(HostForOthers({}, "farm7"), "farm7") << "without a certificate";
+  EXPECT_EQ(HostForOthers(HostsOfServer({"farm.example", "farm7"}), "farm7"), "farm7");
+  EXPECT_EQ(HostForOthers(HostsOfServer({"farm.example", "10.0.0.7"}), "farm7"), "farm.example");
+  EXPECT_EQ(HostForOthers({"10.0.0.7", "localhost"}, "farm7"), "10.0.0.7") << "in any order";
+  EXPECT_EQ(HostForOthers(HostsOfServer({}), "farm7"), "localhost") << "there is no other";
 }
 
 }  // namespace

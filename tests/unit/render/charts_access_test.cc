@@ -71,7 +71,7 @@ TEST(TraceIndirect, AveragesToIndirectLightOverCosineDistributedDirections) {
     const Vec2 disk = ConcentricDisk(sampler.Get2D(kCameraPair));
     const float height = std::sqrt(std::max(0.0f, 1 - disk.x * disk.x - disk.y * disk.y));
     const IndirectRadiance incident =
-        access.TraceIndirect(*wall, Frame(wall->normal).ToWorld({disk.x, disk.y, height}), sampler);
+        access.TraceIndirect(*wall, Frame::Of(wall->normal).ToWorld({disk.x, disk.y, height}), sampler);
     EXPECT_GT(incident.distance, 0);
     EXPECT_LT(incident.distance, 7);
     mean += incident.radiance / kSamples;

@@ -86,7 +86,7 @@ TEST(Lanes, NumbersAreThoseOfTheSampler) {
     for (size_t count = 1; count <= kMaxLanes; ++count) {
       RandomLanes random = {};
       for (size_t i = 0; i < count; ++i) PathSampler(samplers[i]).SetLane(5, i, &random);
-      DrawLanes(&random, count);
+      random.Draw(count);
       for (size_t i = 0; i < count; ++i) {
         const VertexNumbers expected = PathSampler(samplers[i]).Draw(5);
         EXPECT_TRUE(IsSame(random.light_and_lobe.At(i), expected.light_and_lobe)) << i;

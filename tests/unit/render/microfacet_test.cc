@@ -71,10 +71,10 @@ TEST(Microfacet, OfEqualAlphasIsIsotropicToTheBit) {
       const Vec3 w = UpperDirection(0.8, phi);
       const float a2 = alpha * alpha;
       const float t = a2 * w.z * w.z + w.x * w.x + w.y * w.y;
-      EXPECT_EQ(GgxDensity(w, {alpha, alpha}), a2 / (kPi * t * t));
+      EXPECT_EQ(GgxDensity(w, GgxAlpha(alpha)), a2 / (kPi * t * t));
       const float lambda_o = w.z * std::sqrt(wo.z * wo.z * (1.0f - a2) + a2);
       const float lambda_i = wo.z * std::sqrt(w.z * w.z * (1.0f - a2) + a2);
-      EXPECT_EQ(GgxVisibility(w, wo, {alpha, alpha}), 0.5f / (lambda_o + lambda_i));
+      EXPECT_EQ(GgxVisibility(w, wo, GgxAlpha(alpha)), 0.5f / (lambda_o + lambda_i));
     }
     EXPECT_EQ(GgxAlpha(alpha).Mean(), alpha);
   }
@@ -105,7 +105,7 @@ TEST(Microfacet, SamplesNormalsByTheirVisibleDensity) {
         for (int i = 0; i < kRoot * kRoot; ++i) {
           const Vec2 u = {(static_cast<float>(i / kRoot) + 0.5f) / kRoot,
                           (static_cast<float>(i % kRoot) + 0.5f) / kRoot};
-          mean += f(SampleGgxVisibleNormal(wo, alpha, u)) / (kRoot * kRoot);
+          mean += f(SampleGgxVisibleNormal(wo, alpha, ConcentricDisk(u))) / (kRoot * kRoot);
         }
         const double expected =
             IntegrateHemisphere([&](Vec3 h) { return f(h) * double{GgxVisibleDensity(wo, h, alpha)}; });

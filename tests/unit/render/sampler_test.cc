@@ -73,10 +73,10 @@ TEST(Sampler, ConvergesFasterThanRandomNumbers) {
 TEST(SamplerPacket, EqualsSeparateSamplers) {
   for (const uint32_t first : {0u, 5u, 1u << 20}) {
     const SamplerPacket packet(kSequenceSeed, 3, 77, first);
-    for (uint32_t i = 0; i < DrawnPairs::kSamples; ++i) {
+    for (uint32_t i = 0; i < SamplerPacket::kSamples; ++i) {
       const Sampler& together = packet.samplers()[i];
       const Sampler alone(kSequenceSeed, 3, 77, first + i);
-      for (uint32_t pair = 0; pair < DrawnPairs::kPairs + 3; ++pair) {
+      for (uint32_t pair = 0; pair < 4; ++pair) {
         EXPECT_EQ(together.Get2D(pair).x, alone.Get2D(pair).x) << first << " + " << i << " pair " << pair;
         EXPECT_EQ(together.Get2D(pair).y, alone.Get2D(pair).y) << first << " + " << i << " pair " << pair;
         EXPECT_EQ(together.Key(pair), alone.Key(pair));

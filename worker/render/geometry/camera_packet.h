@@ -47,7 +47,7 @@ class CameraPacket {
   std::array<Vec2, PathTracer::kPacket> lens_points_;
 };
 
-static_assert(PathTracer::kPacket == DrawnPairs::kSamples);
+static_assert(PathTracer::kPacket == SamplerPacket::kSamples);
 
 /// Calls visit(CameraPacket) for the samples of pixel (x, y) of the picture. The division into packets
 /// depends on the range alone. `visit` may return a bool; false ends it.

@@ -41,72 +41,8 @@ HWY_INLINE AlbedoLanes LookUp(const float* albedos, Num cosine, Num root_alpha) 
           mix(mix(lower.y, lower.w, column_part), mix(upper.y, upper.w, column_part), row_part)};
 }
 
-struct FrameLanes {
-  Num3 x, y, z;
-
-  HWY_INLINE static FrameLanes Of(Num3 z) {
-    const Num sign = CopySign(Num(1.0f), z.z);
-    const Num a = Num(-1.0f) / (sign + z.z);
-    const Num b = z.x * z.y * a;
-    return {{Num(1.0f) + sign * z.x * z.x * a, sign * b, -sign * z.x}, {b, sign + z.y * z.y * a, -z.y}, z};
-  }
-  HWY_INLINE Num3 ToLocal(Num3 v) const { return {Dot(v, x), Dot(v, y), Dot(v, z)}; }
-  HWY_INLINE Num3 ToWorld(Num3 v) const { return x * v.x + y * v.y + z * v.z; }
-};
-
-HWY_INLINE Num2 ConcentricDisk(Num2 u) {
-  const Num one = 1.0f;
-  const Num a = Num(2.0f) * u.x - one;
-  const Num b = Num(2.0f) * u.y - one;
-  const Mask along_x = Abs(a) > Abs(b);
-  const Num radius = Select(along_x, a, b);
-  const Num angle = Num(0.785398163f) * (Select(along_x, b, a) / radius);
-  const Num x2 = angle * angle;
-  const Num sine =
-      angle * (one - x2 * Num(1.0f / 6) * (one - x2 * Num(1.0f / 20) * (one - x2 * Num(1.0f / 42))));
-  const Num cosine =
-      one - x2 * Num(0.5f) *
-                (one - x2 * Num(1.0f / 12) * (one - x2 * Num(1.0f / 30) * (one - x2 * Num(1.0f / 56))));
-  const Mask is_centre = Not(Or(a != Num(0.0f), b != Num(0.0f)));
-  const Num near = Select(is_centre, Num(0.0f), radius * cosine);
-  const Num far = Select(is_centre, Num(0.0f), radius * sine);
-  return {Select(along_x, near, far), Select(along_x, far, near)};
-}
-
-/// A direction above the surface, in proportion to its cosine, from a point of the disk.
-HWY_INLINE Num3 CosineDirection(Num2 disk) {
-  return {disk.x, disk.y, Sqrt(Max(Num(0.0f), Num(1.0f) - disk.x * disk.x - disk.y * disk.y))};
-}
-
-HWY_INLINE Num GgxDensity(Num3 h, Num alpha) {
-  const Num a2 = alpha * alpha;
-  const Num t = a2 * h.z * h.z + h.x * h.x + h.y * h.y;
-  return a2 / (Num(kPi) * t * t);
-}
-
-HWY_INLINE Num GgxVisibility(Num cos_i, Num cos_o, Num alpha) {
-  const Num a2 = alpha * alpha;
-  const Num rest = Num(1.0f) - a2;
-  const Num lambda_o = cos_i * Sqrt(cos_o * cos_o * rest + a2);
-  const Num lambda_i = cos_o * Sqrt(cos_i * cos_i * rest + a2);
-  return Num(0.5f) / (lambda_o + lambda_i);
-}
-
-/// SampleGgxVisibleNormal with ConcentricDisk(u).
-HWY_INLINE Num3 SampleGgxVisibleNormal(Num3 wo, Num alpha, Num2 disk) {
-  const Num zero = 0.0f;
-  const Num one = 1.0f;
-  const Num3 stretched = Normalize({alpha * wo.x, alpha * wo.y, wo.z});
-  const Num length2 = stretched.x * stretched.x + stretched.y * stretched.y;
-  const Num3 across = Num3{-stretched.y, stretched.x, zero} / Sqrt(length2);
-  const Num3 t1 = Select(length2 > zero, across, {one, zero, zero});
-  const Num3 t2 = Cross(stretched, t1);
-  const Num p1 = disk.x;
-  const Num s = Num(0.5f) * (one + stretched.z);
-  const Num p2 = (one - s) * Sqrt(Max(zero, one - p1 * p1)) + s * disk.y;
-  const Num3 n = t1 * p1 + t2 * p2 + stretched * Sqrt(Max(zero, one - p1 * p1 - p2 * p2));
-  return Normalize({alpha * n.x, alpha * n.y, Max(Num(1e-6f), n.z)});
-}
+#include "worker/render/materials/ggx-inl.h"
+#include "worker/render/sampling/directions-inl.h"
 
 /// BsdfValue with the density of Sample().
 struct LobeValue {
@@ -123,7 +59,7 @@ struct LobeSample {
 
 /// What Bsdf is for materials that have no lobes but the diffuse one and rough reflection.
 struct BaseLobes {
-  FrameLanes frame;
+  Frame frame;
   Num3 geometric;
   Num3 wo;  // in the frame
   Num3 diffuse_albedo, facets_albedo;
@@ -138,7 +74,7 @@ struct BaseLobes {
                         const float* albedos) {
     const Num zero = 0.0f;
     const Num one = 1.0f;
-    frame = FrameLanes::Of(normal);
+    frame = Frame::Of(normal);
     wo = frame.ToLocal(to_viewer);
     wo.z = Max(wo.z, Num(1e-4f));
     AlbedoLanes seen = {zero, zero};
@@ -158,15 +94,8 @@ struct BaseLobes {
   /// Bsdf::CompensateMetal.
   HWY_INLINE void Compensate(Mask is_metal, Num3 b, Num metallic, AlbedoLanes seen) {
     const Num one = 1.0f;
-    const Num least = 1e-20f;
-    const Num whole = seen.scale + seen.bias;
-    const Num3 compensation =
-        b * (b * seen.scale + Num3{seen.bias, seen.bias, seen.bias}) * (metallic * (one - whole) / whole);
-    const Num3 gain = Select(is_metal,
-                             {one + compensation.x / Max(facets_albedo.x, least),
-                              one + compensation.y / Max(facets_albedo.y, least),
-                              one + compensation.z / Max(facets_albedo.z, least)},
-                             {one, one, one});
+    const Num3 gain =
+        Select(is_metal, MetalGain(b, metallic, seen.scale, seen.bias, facets_albedo), Num3{one, one, one});
     f0 = f0 * gain;
     f90 = f90 * gain;
     facets_albedo = facets_albedo * gain;
@@ -206,17 +135,10 @@ struct BaseLobes {
     value.pdf = Where(diffuses, p_diffuse * wi.z / Num(kPi));
     const Mask reflects = And(is_up, p_facets > zero);
     const Num3 h = Normalize(wi + wo);
-    const Num dot = Dot(wo, h);
-    const Num cos_h = Max(dot, Num(1e-6f));
-    const Num density = GgxDensity(h, alpha);
-    const Num lobe = density * GgxVisibility(wi.z, wo.z, alpha) * wi.z;
-    const Num m = Where(cos_h < Num(1.0f), Num(1.0f) - cos_h);
-    const Num m2 = m * m;
-    const Num3 fresnel = f0 + (f90 - f0) * (m2 * m2 * m);
-    value.non_diffuse = Where(reflects, fresnel * lobe);
-    const Num a2 = alpha * alpha;
-    const Num masking = Num(2.0f) / (wo.z + Sqrt(a2 + (Num(1.0f) - a2) * wo.z * wo.z));
-    const Num visible = masking * Max(zero, dot) * density;
+    const Num cos_h = Max(Dot(wo, h), Num(1e-6f));
+    const Num lobe = GgxDensity(h, alpha) * GgxVisibility(wi, wo, alpha) * wi.z;
+    value.non_diffuse = Where(reflects, SchlickFresnel(f0, f90, cos_h) * lobe);
+    const Num visible = GgxVisibleDensity(wo, h, alpha);
     value.pdf = value.pdf + Where(reflects, p_facets * visible / (Num(4.0f) * cos_h));
     return value;
   }
@@ -235,7 +157,7 @@ struct BaseLobes {
     }
     const Mask is_cosine = u_lobe < p_diffuse;
     const Num3 h = SampleGgxVisibleNormal(wo, alpha, disk);
-    const Num3 mirrored = h * (Num(2.0f) * Dot(wo, h)) - wo;
+    const Num3 mirrored = MirrorDirection(wo, h);
     sample.direction = frame.ToWorld(Select(is_cosine, cosine, mirrored));
     const LobeValue value = Evaluate(sample.direction, albedos);
     const Mask is_valid = Or(is_cosine, And(p_facets > zero, mirrored.z > zero));

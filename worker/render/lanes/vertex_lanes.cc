@@ -210,63 +210,6 @@ HWY_INLINE void TakeStep(const Vertices& v, const float* albedos, ShadedLanes* o
              [&](size_t lane) { return path(lane) + 4; });
 }
 
-using BitsTag = hn::RebindToUnsigned<LaneTag>;
-using BitsVec = hn::Vec<BitsTag>;
-
-HWY_INLINE BitsVec Constant(uint32_t bits) { return hn::Set(BitsTag(), bits); }
-
-// The functions of sampler.cc.
-HWY_INLINE BitsVec ReverseBits(BitsVec x) {
-  const hn::Repartition<uint8_t, BitsTag> bytes;
-  alignas(16) static constexpr uint8_t kBytes[16] = {3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12};
-  alignas(16) static constexpr uint8_t kHalves[16] = {0, 8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13, 3, 11, 7, 15};
-  const auto swapped = hn::TableLookupBytes(hn::BitCast(bytes, x), hn::LoadDup128(bytes, kBytes));
-  const auto reversed = hn::LoadDup128(bytes, kHalves);  // of four bits
-  const auto low = hn::TableLookupBytes(reversed, hn::And(swapped, hn::Set(bytes, 15)));
-  const auto high = hn::TableLookupBytes(reversed, hn::ShiftRight<4>(swapped));
-  return hn::BitCast(BitsTag(), hn::Or(hn::ShiftLeft<4>(low), high));
-}
-
-HWY_INLINE BitsVec ScrambleReversed(BitsVec x, BitsVec seed) {
-  x = hn::Xor(x, hn::Mul(x, Constant(0x3d20adeau)));
-  x = hn::Add(x, seed);
-  x = hn::Mul(x, hn::Or(hn::ShiftRight<16>(seed), Constant(1)));
-  x = hn::Xor(x, hn::Mul(x, Constant(0x05526c56u)));
-  return hn::Xor(x, hn::Mul(x, Constant(0x53a22864u)));
-}
-
-HWY_INLINE BitsVec SobolSecondReversed(BitsVec i) {
-  i = hn::Xor(i, hn::And(hn::ShiftRight<1>(i), Constant(0x55555555u)));
-  i = hn::Xor(i, hn::And(hn::ShiftRight<2>(i), Constant(0x33333333u)));
-  i = hn::Xor(i, hn::And(hn::ShiftRight<4>(i), Constant(0x0f0f0f0fu)));
-  i = hn::Xor(i, hn::And(hn::ShiftRight<8>(i), Constant(0x00ff00ffu)));
-  return hn::Xor(i, hn::And(hn::ShiftRight<16>(i), Constant(0x0000ffffu)));
-}
-
-HWY_INLINE void PutUnitFloats(BitsVec x, size_t first, LaneRow* row) {
-  const auto whole = hn::BitCast(IntLaneTag(), hn::ShiftRight<8>(x));
-  Put(Num(hn::ConvertTo(LaneTag(), whole)) * Num(0x1p-24f), first, row);
-}
-
-HWY_INLINE void DrawPair(const RandomLanes& in, size_t pair, size_t first, LanePair* out) {
-  const BitsTag d;
-  const BitsVec shuffle = hn::LoadU(d, in.shuffle[pair].data() + first);
-  const BitsVec scramble_x = hn::LoadU(d, in.scramble[pair].data() + first);
-  const BitsVec scramble_y = hn::Add(hn::Mul(scramble_x, Constant(0x9e3779b1u)), shuffle);
-  const BitsVec index =
-      ReverseBits(ScrambleReversed(hn::LoadU(d, in.reversed_index.data() + first), shuffle));
-  PutUnitFloats(ReverseBits(ScrambleReversed(index, scramble_x)), first, &out->x);
-  PutUnitFloats(ReverseBits(ScrambleReversed(SobolSecondReversed(index), scramble_y)), first, &out->y);
-}
-
-void DrawLanes(RandomLanes* random, size_t count) {
-  for (size_t first = 0; first < count; first += hn::Lanes(LaneTag())) {
-    DrawPair(*random, 0, first, &random->light_and_lobe);
-    DrawPair(*random, 1, first, &random->light_point);
-    DrawPair(*random, 2, first, &random->direction);
-  }
-}
-
 void ShadeLanes(const VertexLanes& in, size_t count, const float* albedos, ShadedLanes* out) {
   for (size_t first = 0; first < count; first += hn::Lanes(LaneTag())) {
     const Vertices vertices(in, first, albedos);
@@ -282,10 +225,7 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace lumifold::render {
 
-HWY_EXPORT(DrawLanes);
 HWY_EXPORT(ShadeLanes);
-
-void DrawLanes(RandomLanes* random, size_t count) { HWY_DYNAMIC_DISPATCH(DrawLanes)(random, count); }
 
 void ShadeLanes(const VertexLanes& in, size_t count, const float* albedos, ShadedLanes* out) {
   HWY_DYNAMIC_DISPATCH(ShadeLanes)(in, count, albedos, out);

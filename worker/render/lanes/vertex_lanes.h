@@ -7,20 +7,15 @@
 
 #include "worker/render/lights/lights.h"
 #include "worker/render/materials/bsdf.h"
+#include "worker/render/sampling/sobol_lanes.h"
 #include "worker/scene/vec.h"
 
 namespace lumifold::render {
-
-/// Most paths that are shaded side by side.
-inline constexpr size_t kMaxLanes = 16;
 
 /// The cone of a scattered ray covers about this share of the solid angle over the density of its direction,
 /// so that after diffuse scattering (density at most 1/pi) it opens by at least a sixth of a radian: narrow
 /// enough to resolve textures nearby, wide enough to read distant ones from few texels.
 inline constexpr float kConeShareOfDensity = 0.1f;
-
-/// A number of each path.
-using LaneRow = std::array<float, kMaxLanes>;
 
 struct LaneVec {
   LaneRow x, y, z;
@@ -33,23 +28,21 @@ struct LaneVec {
   scene::Vec3 At(size_t lane) const { return {x[lane], y[lane], z[lane]}; }
 };
 
-/// Two random numbers in [0, 1) of each path.
-struct LanePair {
-  LaneRow x, y;
-
-  scene::Vec2 At(size_t lane) const { return {x[lane], y[lane]}; }
-};
-
 /// The random numbers of a vertex: its pairs of dimensions in the order of PathSampler.
 struct RandomLanes {
   static constexpr size_t kPairs = 3;
-  using Bits = std::array<uint32_t, kMaxLanes>;
-
   // See Sampler::Seeds.
-  Bits reversed_index;
-  std::array<Bits, kPairs> shuffle, scramble;
+  LaneBits reversed_index;
+  std::array<LaneBits, kPairs> shuffle, scramble;
   // The numbers.
   LanePair light_and_lobe, light_point, direction;
+
+  /// Draws the numbers of the first `count` paths.
+  void Draw(size_t count) {
+    DrawPairs(reversed_index, shuffle[0], scramble[0], count, &light_and_lobe);
+    DrawPairs(reversed_index, shuffle[1], scramble[1], count, &light_point);
+    DrawPairs(reversed_index, shuffle[2], scramble[2], count, &direction);
+  }
 };
 
 // Records that lanes read and write four numbers at a time: where the fourth has no name, it has no meaning.
@@ -139,9 +132,6 @@ struct alignas(64) ShadedLanes {
   LaneRow goes_on;  // 1: the path does
   std::array<SeenRecord, kMaxLanes> seen;
 };
-
-/// Draws the numbers of the first `count` paths: those of Sampler::Get2D.
-void DrawLanes(RandomLanes* random, size_t count);
 
 /// Shades the first `count` paths, whose surfaces have a diffuse lobe, rough reflection, or both, and no
 /// other: samples the light and the next direction. `albedos` is AlbedoTable::Nodes(). Whole vectors are read

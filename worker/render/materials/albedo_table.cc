@@ -57,7 +57,7 @@ auto MeanOverSquare(const F& f) {
 template <int kBits = kPointBits>
 DirectionalAlbedo IntegrateReflection(Vec3 wo, GgxAlpha alpha) {
   const Vec2 mean = MeanOverSquare<kBits>([&](Vec2 u) {
-    const Vec3 h = SampleGgxVisibleNormal(wo, alpha, u);
+    const Vec3 h = SampleGgxVisibleNormal(wo, alpha, ConcentricDisk(u));
     const float cos_h = Dot(wo, h);
     const Vec3 wi = MirrorDirection(wo, h);
     if (wi.z <= 0) return Vec2{};
@@ -72,7 +72,7 @@ DirectionalAlbedo IntegrateReflection(Vec3 wo, GgxAlpha alpha) {
 float IntegrateGlass(float cos_o, GgxAlpha alpha, float eta) {
   const Vec3 wo = DirectionOf(cos_o);
   return MeanOverSquare([&](Vec2 u) {
-    const Vec3 h = SampleGgxVisibleNormal(wo, alpha, u);
+    const Vec3 h = SampleGgxVisibleNormal(wo, alpha, ConcentricDisk(u));
     const float cos_h = Dot(wo, h);
     float cos_t = 0;
     const float fresnel = DielectricFresnel(cos_h, eta, &cos_t);

@@ -23,12 +23,6 @@ constexpr float kCoatF0 = 0.04f;
 
 float LuminanceOf(Vec3 c) { return Luminance(c.x, c.y, c.z); }
 
-/// In proportion to the cosine.
-Vec3 CosineDirection(Vec2 u) {
-  const Vec2 disk = ConcentricDisk(u);
-  return {disk.x, disk.y, std::sqrt(std::max(0.0f, 1.0f - disk.x * disk.x - disk.y * disk.y))};
-}
-
 /// Uniform over the hemisphere: the squared radius of a uniform disk point is uniform in [0, 1], and so is
 /// the cosine derived from it.
 Vec3 UniformDirection(Vec2 u) {
@@ -99,7 +93,7 @@ BaseMaterial::BaseMaterial(const SurfaceMaterial& material, const AlbedoTable& t
 }
 
 Bsdf::Bsdf(const SurfaceMaterial& material, const AlbedoTable& table, Vec3 normal, Vec3 geometric, Vec3 wo)
-    : table_(&table), frame_(normal, material.rare.anisotropy), geometric_(geometric) {
+    : table_(&table), frame_(FrameAlong(normal, material.rare.anisotropy)), geometric_(geometric) {
   if (material.IsDiffuseOnly()) {
     diffuse_albedo_ = material.base_color;
     p_.diffuse = MaxComponent(diffuse_albedo_) > 0 ? 1.0f : 0.0f;
@@ -121,7 +115,7 @@ float Bsdf::AddCoat(const SurfaceMaterial& material, Vec3 wo) {
   coat_.alpha = GgxAlpha(material.clearcoat_roughness * material.clearcoat_roughness);
   coat_.mirror = coat_.alpha.x < kDeltaAlpha;
   coat_.normal = material.coat_normal;
-  coat_.wo = LocalOnUpperSide(Frame(coat_.normal), wo);
+  coat_.wo = LocalOnUpperSide(Frame::Of(coat_.normal), wo);
   if (coat_.mirror) {
     coat_.albedo = CoatFresnel(coat_.weight, coat_.wo.z);
   } else {
@@ -186,18 +180,11 @@ float Bsdf::AddFilm(const SurfaceMaterial& material, const BaseMaterial& base, D
   return dielectric_albedo + (filmed - dielectric_albedo) * film_.weight;
 }
 
-/// Scales metal's part of the albedo by 1 + F0 (1 - E) / E, with E the albedo at F0 = 1.
+/// Scales metal's part; see MetalGain.
 void Bsdf::CompensateMetal(const SurfaceMaterial& material, DirectionalAlbedo seen) {
-  constexpr float kMinAlbedo = 1e-20f;  // black metal, seen along its normal, has albedo 0
-  const float whole = seen.scale + seen.bias;
   Vec3 b = material.base_color;
   if (film_.weight > 0) b = Lerp(b, film_.on_metal.Reflectance(film_.mean_cosine), film_.weight);
-  const Vec3 compensation = b * (b * seen.scale + Vec3{seen.bias, seen.bias, seen.bias}) *
-                            (material.metallic * (1.0f - whole) / whole);
-  const Vec3 single = facets_.albedo;
-  const Vec3 gain = Vec3{1, 1, 1} + Vec3{compensation.x / std::max(single.x, kMinAlbedo),
-                                         compensation.y / std::max(single.y, kMinAlbedo),
-                                         compensation.z / std::max(single.z, kMinAlbedo)};
+  const Vec3 gain = MetalGain(b, material.metallic, seen.scale, seen.bias, facets_.albedo);
   film_.scale *= gain;
   facets_.f0 *= gain;
   facets_.f90 *= gain;
@@ -340,7 +327,7 @@ void Bsdf::EvaluateTransmission(Vec3 wi, BsdfValue* value, float* pdf) const {
 }
 
 void Bsdf::EvaluateCoat(Vec3 wi_world, BsdfValue* value, float* pdf) const {
-  const Vec3 wi = Frame(coat_.normal).ToLocal(wi_world);
+  const Vec3 wi = Frame::Of(coat_.normal).ToLocal(wi_world);
   if (wi.z <= 0) return;
   const Vec3 h = Normalize(wi + coat_.wo);
   const float cos_h = std::max(Dot(coat_.wo, h), 1e-6f);
@@ -417,7 +404,7 @@ BsdfSample Bsdf::SampleDelta(float u_lobe) const {
 
 BsdfSample Bsdf::SampleFacets(float u_lobe, Vec2 u) const {
   if (facets_.mirror) return SampleDelta(u_lobe);
-  const Vec3 h = SampleGgxVisibleNormal(wo_, facets_.alpha, u);
+  const Vec3 h = SampleGgxVisibleNormal(wo_, facets_.alpha, ConcentricDisk(u));
   const Vec3 mirrored = MirrorDirection(wo_, h);
   const Fresnel fresnel = glass_.weight > 0 ? FresnelAt(std::max(Dot(wo_, h), 1e-6f)) : Fresnel{};
   if (u_lobe < fresnel.p_reflect)
@@ -438,9 +425,10 @@ BsdfSample Bsdf::SampleBelow(Vec3 wi) const {
 }
 
 BsdfSample Bsdf::SampleCoat(Vec2 u) const {
-  const Frame frame(coat_.normal);
+  const Frame frame = Frame::Of(coat_.normal);
   if (!coat_.mirror) {
-    const Vec3 wi = MirrorDirection(coat_.wo, SampleGgxVisibleNormal(coat_.wo, coat_.alpha, u));
+    const Vec3 wi =
+        MirrorDirection(coat_.wo, SampleGgxVisibleNormal(coat_.wo, coat_.alpha, ConcentricDisk(u)));
     return wi.z > 0 ? SampleTowards(frame.ToWorld(wi)) : BsdfSample{};
   }
   BsdfSample sample;
@@ -467,7 +455,7 @@ BsdfSample Bsdf::SampleTowards(Vec3 wi_world) const {
 
 BsdfSample Bsdf::Sample(float u_lobe, Vec2 u) const {
   if (u_lobe < p_.diffuse) {
-    const Vec3 wi = CosineDirection(u);
+    const Vec3 wi = CosineDirection(ConcentricDisk(u));
     const Vec3 wi_world = frame_.ToWorld(wi);
     if (!IsDiffuseOnly()) return SampleTowards(wi_world);
     BsdfSample sample;  // in proportion to the lobe
@@ -479,7 +467,7 @@ BsdfSample Bsdf::Sample(float u_lobe, Vec2 u) const {
   }
   // Rounding errors of the probabilities go to the last lobe that exists.
   float rest = u_lobe - p_.diffuse;
-  if (rest < p_.transmitted) return SampleBelow(-CosineDirection(u));
+  if (rest < p_.transmitted) return SampleBelow(-CosineDirection(ConcentricDisk(u)));
   rest -= p_.transmitted;
   if (p_.sheen > 0 && rest >= p_.facets + p_.coat) return SampleSheen(u);
   if (p_.coat > 0 && rest >= p_.facets) return SampleCoat(u);

@@ -2,11 +2,11 @@
 
 #include <cmath>
 
+#include "filter/image/portable_math.h"
 #include "worker/render/sampling/frame.h"
 
-/// The GGX microfacet distribution with Smith's height-correlated masking. Directions are unit, in the
-/// shading frame (z = normal), both on the upper side. Sources: Walter et al. 2007; Heitz 2014 (masking,
-/// anisotropy); Heitz 2018 (sampling of visible normals).
+/// Scattering by microfacets; see ggx-inl.h. Directions are unit, in the shading frame (z = normal), both
+/// on the upper side.
 namespace lumifold::render {
 
 /// Below this alpha a lobe is a delta lobe: float directions do not resolve so narrow a highlight well.
@@ -28,42 +28,36 @@ struct GgxAlpha {
   bool IsIsotropic() const { return x == y; }
   /// Of an isotropic distribution that is about as wide.
   float Mean() const { return IsIsotropic() ? x : std::sqrt(0.5f * (x * x + y * y)); }
-  /// The square of the alpha in the plane of the normal and w, which masking towards w depends on.
-  float SquaredTowards(Vec3 w) const {
-    const float sine2 = w.x * w.x + w.y * w.y;
-    if (IsIsotropic() || sine2 <= 0) return x * y;
-    return (x * x * w.x * w.x + y * y * w.y * w.y) / sine2;
-  }
 };
 
-/// Density of microfacet normals at h, per projected steradian.
-float GgxDensity(Vec3 h, GgxAlpha alpha);
+inline float Product(GgxAlpha alpha) { return alpha.x * alpha.y; }
+/// The square of the alpha in the plane of the normal and w, which masking towards w depends on.
+inline float SquaredTowards(GgxAlpha alpha, Vec3 w) {
+  const float sine2 = w.x * w.x + w.y * w.y;
+  if (alpha.IsIsotropic() || sine2 <= 0) return Product(alpha);
+  return (alpha.x * alpha.x * w.x * w.x + alpha.y * alpha.y * w.y * w.y) / sine2;
+}
+inline Vec3 Stretched(Vec3 v, GgxAlpha alpha) { return {alpha.x * v.x, alpha.y * v.y, v.z}; }
+inline Vec2 EllipseSquares(Vec3 h, GgxAlpha alpha) {
+  const float ratio = alpha.y / alpha.x;
+  return {ratio * h.x * h.x, h.y * h.y / ratio};
+}
 
-/// Height-correlated masking and shadowing over 4 cos_i cos_o: the "visibility" term V = G / (4 |wi.z|
-/// |wo.z|).
-float GgxVisibility(Vec3 wi, Vec3 wo, GgxAlpha alpha);
+namespace one {
+#include "worker/render/materials/ggx-inl.h"
+}  // namespace one
+
+using one::GgxDensity;
+using one::GgxVisibility;
+using one::GgxVisibleDensity;
+using one::MetalGain;
+using one::MirrorDirection;
+using one::SampleGgxVisibleNormal;
+using one::SchlickFresnel;
 
 /// Height-correlated masking-shadowing of both directions over the masking of wo: the weight of a sampled
 /// visible normal. wi may lie on either side.
 float GgxShadowing(Vec3 wi, Vec3 wo, GgxAlpha alpha);
-
-/// Samples a microfacet normal visible from wo, with density GgxVisibleDensity(wo, h).
-Vec3 SampleGgxVisibleNormal(Vec3 wo, GgxAlpha alpha, Vec2 u);
-
-/// Density of SampleGgxVisibleNormal, per steradian of h.
-float GgxVisibleDensity(Vec3 wo, Vec3 h, GgxAlpha alpha);
-
-/// The reflection of wo by a microfacet with normal h.
-inline Vec3 MirrorDirection(Vec3 wo, Vec3 h) { return h * (2.0f * Dot(wo, h)) - wo; }
-
-/// Schlick's approximation of the Fresnel reflectance; f0 and f90 are its values at normal and grazing
-/// incidence.
-inline Vec3 SchlickFresnel(Vec3 f0, Vec3 f90, float cos_theta) {
-  const float m = cos_theta < 1.0f ? 1.0f - cos_theta : 0.0f;
-  const float m2 = m * m;
-  const float m5 = m2 * m2 * m;
-  return f0 + (f90 - f0) * m5;
-}
 
 /// The exact Fresnel reflectance of unpolarised light. eta: index of the far side over that of the near side;
 /// cos_i > 0 is on the near side. *cos_t receives the cosine of the refracted ray; under total internal

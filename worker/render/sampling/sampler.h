@@ -4,18 +4,10 @@
 #include <span>
 
 #include "filter/image/mix_bits.h"
+#include "worker/render/sampling/sobol_lanes.h"
 #include "worker/scene/vec.h"
 
 namespace lumifold::render {
-
-/// The first dimension pairs of several samples, computed together.
-struct DrawnPairs {
-  static constexpr uint32_t kPairs = 1;  // of the camera; paths draw theirs with those of other paths
-  static constexpr uint32_t kSamples = 8;
-
-  float x[kPairs][kSamples];
-  float y[kPairs][kSamples];
-};
 
 /// The random numbers of one sample: an Owen-scrambled Sobol (0,2)-sequence for each pair of dimensions;
 /// pairs are decorrelated by independent shuffles of the index (padding). The key is (seed, frame, pixel,
@@ -29,9 +21,7 @@ class Sampler {
 
   /// Two numbers in [0, 1): the sample's coordinates in dimension pair `pair`.
   scene::Vec2 Get2D(uint32_t pair) const {
-    if (pair < DrawnPairs::kPairs && drawn_ != nullptr)
-      return {drawn_->x[pair][lane_], drawn_->y[pair][lane_]};
-    return Draw(pair);
+    return pair == 0 && first_pair_ != nullptr ? first_pair_->At(lane_) : Draw(pair);
   }
 
   /// What Get2D() computes a pair from, together with the sample's index in its half, bits reversed.
@@ -44,8 +34,6 @@ class Sampler {
       shuffle = static_cast<uint32_t>(bits);
       scramble = static_cast<uint32_t>(bits >> 32);
     }
-    /// Of the second coordinate.
-    uint32_t Second() const { return scramble * 0x9e3779b1u + shuffle; }
   };
   Seeds SeedsOf(uint32_t pair) const { return Seeds(key_, pair); }
   uint32_t reversed_index() const { return reversed_index_; }
@@ -62,24 +50,27 @@ class Sampler {
   uint64_t key_ = 0;  // of the pixel's half
   uint32_t index_ = 0;
   uint32_t reversed_index_ = 0;
-  const DrawnPairs* drawn_ = nullptr;
+  const LanePair* first_pair_ = nullptr;  // of the samples of a packet
   uint32_t lane_ = 0;
 };
 
 /// The samplers of consecutive samples of a pixel, with the same numbers as separate Samplers. Their first
-/// dimension pairs are computed together, at a fraction of the cost.
+/// dimension pair, the camera's, is computed together, at a fraction of the cost; paths draw theirs with
+/// those of other paths.
 class SamplerPacket {
  public:
+  static constexpr uint32_t kSamples = 8;
+
   SamplerPacket(uint64_t seed, int frame, int64_t pixel, uint32_t first);
   SamplerPacket(const SamplerPacket&) = delete;
   SamplerPacket& operator=(const SamplerPacket&) = delete;
 
-  /// The samplers of samples first, ..., first + DrawnPairs::kSamples - 1; valid while this object exists.
-  std::span<const Sampler> samplers() const { return {samplers_, DrawnPairs::kSamples}; }
+  /// The samplers of samples first, ..., first + kSamples - 1; valid while this object exists.
+  std::span<const Sampler> samplers() const { return {samplers_, kSamples}; }
 
  private:
-  Sampler samplers_[DrawnPairs::kSamples];
-  DrawnPairs drawn_;
+  Sampler samplers_[kSamples];
+  LanePair first_pair_;
 };
 
 }  // namespace lumifold::render

@@ -42,7 +42,7 @@ class PathSampler {
     return {sampler_->Get2D(PairOf(vertex, kLightAndLobe)), sampler_->Get2D(PairOf(vertex, kLightPoint)),
             sampler_->Get2D(PairOf(vertex, kDirection))};
   }
-  /// Sets what DrawLanes() draws the vertex's pairs from.
+  /// Sets what RandomLanes::Draw() draws the vertex's pairs from.
   void SetLane(int vertex, size_t lane, RandomLanes* out) const {
     out->reversed_index[lane] = sampler_->reversed_index();
     for (uint32_t pair = 0; pair < kPairsPerSurface; ++pair) {

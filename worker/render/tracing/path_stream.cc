@@ -119,7 +119,7 @@ void PathStream::Flush(size_t kind) {
   Queue& queue = queues_[kind];
   if (queue.count == 0) return;
   if (shadows_.size() < lit_ + kMaxLanes) shadows_.resize(lit_ + kMaxLanes);
-  DrawLanes(&queue.lanes.random, queue.count);
+  queue.lanes.random.Draw(queue.count);
   kind == kRare ? FlushRare(&queue) : FlushLanes(&queue);
   queue.count = 0;
 }

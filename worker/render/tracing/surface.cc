@@ -191,7 +191,7 @@ Footprint SurfaceReader::FootprintAt(const Mesh& mesh, const Affine& to_world, c
   const float cosine = Dot(ray.direction, normal);
   const Vec3 projected = ray.direction - normal * cosine;
   const float sine = Length(projected);
-  const Vec3 along = sine > 1e-3f ? projected / sine : Frame(normal).x;
+  const Vec3 along = sine > 1e-3f ? projected / sine : Frame::Of(normal).x;
   const float width = ray.WidthAt(hit.distance);
   const Vec3 diameters[2] = {along * (width / std::max(std::abs(cosine), kMinCosine)),
                              Cross(normal, along) * width};

@@ -138,7 +138,7 @@ Irradiance IrradianceFrom(const HemisphereStrata& strata, Vec3 normal,
                           std::span<const IndirectRadiance> arrivals) {
   LUMIFOLD_CHECK(static_cast<int>(arrivals.size()) == strata.count());
   Irradiance sum = GradientSums(strata, arrivals).Sum();
-  const Frame frame(normal);
+  const Frame frame = Frame::Of(normal);
   for (ColorGradient* gradient : {&sum.by_turn, &sum.by_step}) {
     for (Vec3& channel : *gradient) channel = frame.ToWorld(channel);
   }
@@ -147,7 +147,7 @@ Irradiance IrradianceFrom(const HemisphereStrata& strata, Vec3 normal,
 
 Irradiance GatherIrradiance(const ChartsAccess& tracer, const Surface& surface,
                             const HemisphereStrata& strata, uint64_t seed, int64_t key) {
-  const Frame frame(surface.normal);
+  const Frame frame = Frame::Of(surface.normal);
   std::vector<IndirectRadiance> arrivals(static_cast<size_t>(strata.count()));
   for (int i = 0; i < strata.count(); ++i) {
     const Sampler sampler(MixBits(seed ^ kGatherSeed), 0, key, static_cast<uint32_t>(i));

@@ -43,7 +43,7 @@ struct Irradiance {
 };
 
 /// The irradiance from the incident radiance of each stratum, in their order, at a surface with `normal`. The
-/// azimuth of strata is that of `Frame(normal)`. Source: Ward & Heckbert 1992, "Irradiance Gradients".
+/// azimuth of strata is that of `Frame::Of(normal)`. Source: Ward & Heckbert 1992, "Irradiance Gradients".
 Irradiance IrradianceFrom(const HemisphereStrata& strata, scene::Vec3 normal,
                           std::span<const render::IndirectRadiance> arrivals);
 

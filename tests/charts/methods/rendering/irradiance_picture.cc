@@ -30,7 +30,7 @@ constexpr uint32_t kFallbackPair = kLensPair + 1;
 /// One-path estimate of I on a Lambertian surface.
 Vec3 EstimateIndirect(const ChartsAccess& tracer, const Surface& surface, const Sampler& sampler) {
   const HemisphereStrata whole = {1, 1};
-  const Vec3 direction = Frame(surface.normal).ToWorld(whole.Direction(0, sampler.Get2D(kFallbackPair)));
+  const Vec3 direction = Frame::Of(surface.normal).ToWorld(whole.Direction(0, sampler.Get2D(kFallbackPair)));
   if (Dot(direction, surface.geometric) <= 0) return {};
   return tracer.TraceIndirect(surface, direction, sampler).radiance;
 }

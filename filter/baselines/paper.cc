@@ -51,24 +51,21 @@ struct SubPixels {
 
 SubPixels SubPixelsOf(const Frame& frame) {
   SubPixels out;
-  out.points.samples = kSubSamples;
   out.points.own_features = kGeometryFeatures;
   out.points.pixel_divisor = 1;
   if (!frame.edges.has_value()) return out;
   const EdgeViews& edges = *frame.edges;
   edges.ForEachPixel(frame.bounds(), [&](int row, int x, int y) {
-    out.points.pixels.push_back({x, y});
-    std::array<std::array<float, kSubSamples>, kGeometryFeatures> features = {};
     for (int j = 0; j < kSubSamples; ++j) {
+      out.points.pixels.push_back({x, y});
       out.is_lit.push_back(edges.IsLit(j, row) ? 1 : 0);
-      if (!edges.IsLit(j, row)) continue;
-      const std::array<float, kGeometryFeatures> feature = GeometryFeature(
-          {edges.normal[0].At(j, row), edges.normal[1].At(j, row), edges.normal[2].At(j, row)},
-          edges.distance.At(j, row), GeometryRanges{});
-      for (size_t k = 0; k < kGeometryFeatures; ++k) features[k][static_cast<size_t>(j)] = feature[k];
-    }
-    for (const auto& feature : features)
+      std::array<float, kGeometryFeatures> feature = {};
+      if (edges.IsLit(j, row))
+        feature = GeometryFeature(
+            {edges.normal[0].At(j, row), edges.normal[1].At(j, row), edges.normal[2].At(j, row)},
+            edges.distance.At(j, row), GeometryRanges{});
       out.points.features.insert(out.points.features.end(), feature.begin(), feature.end());
+    }
   });
   return out;
 }
@@ -76,20 +73,20 @@ SubPixels SubPixelsOf(const Frame& frame) {
 /// Sets each edge pixel to `scale` times the mean over its sub-samples.
 void AverageSubPixels(const SubPixels& sub_pixels, const SlicedPoints& sliced, float scale, Planes* planes) {
   constexpr size_t kSamples = kSubSamples;
-  for (size_t pixel = 0; pixel < sub_pixels.points.pixels.size(); ++pixel) {
+  for (size_t first = 0; first < sub_pixels.points.pixels.size(); first += kSamples) {
     std::array<float, 3> sum = {0, 0, 0};
     int lit = 0;
     int found = 0;
-    for (size_t j = 0; j < kSamples; ++j) {
-      if (sub_pixels.is_lit[pixel * kSamples + j] == 0) continue;
+    for (size_t i = first; i < first + kSamples; ++i) {
+      if (sub_pixels.is_lit[i] == 0) continue;
       ++lit;
-      if (!(sliced.weights[pixel * kSamples + j] > 0)) continue;
+      if (!(sliced.weights[i] > 0)) continue;
       ++found;
-      for (size_t c = 0; c < 3; ++c) sum[c] += sliced.values[(pixel * 3 + c) * kSamples + j];
+      for (size_t c = 0; c < 3; ++c) sum[c] += sliced.values[3 * i + c];
     }
     if (found == 0) continue;
     const float share = scale * static_cast<float>(lit) / static_cast<float>(kSubSamples * found);
-    const auto [x, y] = sub_pixels.points.pixels[pixel];
+    const auto [x, y] = sub_pixels.points.pixels[first];
     for (size_t c = 0; c < 3; ++c) (*planes)[c].At(x, y) = share * sum[c];
   }
 }

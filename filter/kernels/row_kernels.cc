@@ -138,6 +138,54 @@ HWY_ATTR bool SplatRow(const SplatArgs& args) {
   return found;
 }
 
+/// Rows of cells at a vector of points.
+struct ReadAtPoints {
+  HWY_INLINE ReadAtPoints(const PointCells& cells, int i)
+      : left(hn::LoadU(Ints(), cells.left + i)), part(hn::LoadU(Floats(), cells.part + i)) {}
+  HWY_INLINE Float operator()(const float* row) const {
+    const Floats d;
+    const Float value = hn::GatherIndex(d, row, left);
+    return hn::Add(value, hn::Mul(part, hn::Sub(hn::GatherIndex(d, row + 1, left), value)));
+  }
+  Int left;
+  Float part;
+};
+
+HWY_ATTR void WeighPoints(const PointCells& cells, const WeighArgs& args, size_t shared, float divisor) {
+  const Floats d;
+  for (int i = 0; i < cells.count; i += static_cast<int>(hn::Lanes(d))) {
+    const ReadAtPoints read(cells, i);
+    Float square = hn::Zero(d);
+    for (size_t k = 0; k < args.dimensions; ++k) {
+      if (k == shared) square = hn::Div(square, hn::Set(d, divisor));
+      const Float offset = hn::Sub(hn::LoadU(d, args.features[k] + i), read(args.eta + k * args.eta_stride));
+      square = hn::Add(square, hn::Mul(offset, offset));
+    }
+    if (shared == args.dimensions) square = hn::Div(square, hn::Set(d, divisor));
+    const Float weight =
+        hn::IfThenElseZero(hn::Lt(square, hn::Set(d, kFarthest)), ExpOfNegative(hn::Neg(square)));
+    AddTo(args.total + i, weight);
+    hn::StoreU(weight, d, args.weight + i);
+  }
+}
+
+HWY_ATTR void SliceAtPoints(const PointCells& cells, const SliceArgs& args) {
+  const Floats d;
+  for (int i = 0; i < cells.count; i += static_cast<int>(hn::Lanes(d))) {
+    const ReadAtPoints read(cells, i);
+    for (size_t k = 0; k < args.planes; ++k) {
+      Float sum = args.adds ? hn::LoadU(d, args.sums[k] + i) : hn::Zero(d);
+      const float* psi = args.psi + k * args.psi_stride;
+      for (size_t j = 0; j < args.manifolds; ++j, psi += args.planes * args.psi_stride) {
+        const Float weight = hn::LoadU(d, args.weights[j] + i);
+        if (hn::AllTrue(d, hn::Eq(weight, hn::Zero(d)))) continue;
+        sum = hn::Add(sum, hn::Mul(weight, read(psi)));
+      }
+      hn::StoreU(sum, d, args.sums[k] + i);
+    }
+  }
+}
+
 /// m planes from plane `first` on, at a vector of cells in n phases from `phase` on, all of one side.
 template <size_t n, size_t m>
 HWY_INLINE void SlicePlanes(const Phases& phases, const SliceArgs& args, size_t first, int phase, int c) {
@@ -373,6 +421,8 @@ namespace lumifold::filter {
 HWY_EXPORT(WeighRow);
 HWY_EXPORT(SplatRow);
 HWY_EXPORT(SliceRow);
+HWY_EXPORT(WeighPoints);
+HWY_EXPORT(SliceAtPoints);
 HWY_EXPORT(SumPhases);
 HWY_EXPORT(BlendCells);
 HWY_EXPORT(AddProductRow);
@@ -401,11 +451,29 @@ void CorrelateNarrowRows(const CorrelateArgs& args, float* out) {
   }
 }
 
+bool SplatPoints(const PointCells& cells, const SplatArgs& args) {
+  bool found = false;
+  for (int i = 0; i < cells.count; ++i) {  // one by one: points of a cell share its sum
+    const float mass = args.mask[i] * args.weight[i];
+    if (mass == 0) continue;
+    found = true;
+    for (size_t c = 0; c < args.signal_count; ++c) args.sums[c][cells.sum[i]] += mass * args.signals[c][i];
+    args.sums[args.signal_count][cells.sum[i]] += mass;
+  }
+  return found;
+}
+
 bool WeighRow(const Phases& phases, const WeighArgs& args, const SplitArgs* split) {
   return HWY_DYNAMIC_DISPATCH(WeighRow)(phases, args, split);
 }
 bool SplatRow(const SplatArgs& args) { return HWY_DYNAMIC_DISPATCH(SplatRow)(args); }
 void SliceRow(const Phases& phases, const SliceArgs& args) { HWY_DYNAMIC_DISPATCH(SliceRow)(phases, args); }
+void WeighPoints(const PointCells& cells, const WeighArgs& args, size_t shared, float divisor) {
+  HWY_DYNAMIC_DISPATCH(WeighPoints)(cells, args, shared, divisor);
+}
+void SliceAtPoints(const PointCells& cells, const SliceArgs& args) {
+  HWY_DYNAMIC_DISPATCH(SliceAtPoints)(cells, args);
+}
 void SumPhases(float* sums, std::ptrdiff_t stride, int step, float scale, int count, float* means) {
   HWY_DYNAMIC_DISPATCH(SumPhases)(sums, stride, step, scale, count, means);
 }

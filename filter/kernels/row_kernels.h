@@ -72,14 +72,14 @@ struct SplitArgs {
   std::ptrdiff_t sum_stride;  // from one phase of a strip to the next
 };
 
-/// Pixels of one phase on one manifold.
+/// Pixels of one phase, or points, on one manifold.
 struct SplatArgs {
   const float* const* signals;  // C rows
   size_t signal_count;
   const float* mask;
   const float* weight;
   float* const* sums;  // C + 1 strips: += mask * weight * signal, and of mask * weight
-  int count;           // pixels
+  int count;           // of them
 };
 
 /// One row of pixels sliced from manifolds.
@@ -95,12 +95,26 @@ struct SliceArgs {
   int count;                    // cells
 };
 
+/// Points of one row of pixels, at any place of a strip. Point i lies `part[i]` of the way from cell `left[i]` of
+/// a row of cells to the next one, and is summed at `sum[i]` of a strip of sums.
+struct PointCells {
+  const int32_t* left;
+  const float* part;
+  const int32_t* sum;
+  int count;
+};
+
 void BlendCells(const BlendArgs& args);
 /// Whether any pixel belongs to the cluster. `split` may be null: none does.
 bool WeighRow(const Phases& phases, const WeighArgs& args, const SplitArgs* split);
 /// Whether any pixel has weight.
 bool SplatRow(const SplatArgs& args);
 void SliceRow(const Phases& phases, const SliceArgs& args);
+/// The same at points: rows of `args` are of points, and its phases and counts of cells do not matter. The squared
+/// distance over the first `shared` features is divided by `divisor`.
+void WeighPoints(const PointCells& cells, const WeighArgs& args, size_t shared, float divisor);
+bool SplatPoints(const PointCells& cells, const SplatArgs& args);
+void SliceAtPoints(const PointCells& cells, const SliceArgs& args);
 /// sums[x] += a[x] * b[x], rows of pixels.
 void AddProductRow(const float* a, const float* b, int count, float* sums);
 /// means[c] = scale times the sum of a strip's phases at cell c, added pair by pair; the strip becomes 0.

@@ -62,18 +62,13 @@ std::array<float, kColors> PlaneAt(const Moments& m, float ridge, float x0, floa
 
 }  // namespace
 
-Planes WithPosition(const Planes& light, float unit_px, TaskPool* pool) {
-  const int width = light[0].width();
-  const int height = light[0].height();
-  Planes planes = MakeUninitializedPlanes(kPlaneSignals, width, height);
-  ForEachBand(pool, height, [&](int, int y0, int y1) {
-    for (int y = y0; y < y1; ++y) {
-      for (size_t c = 0; c < kColors; ++c) std::copy_n(light[c].Row(y), width, planes[c].Row(y));
-      for (int x = 0; x < width; ++x) planes[kColors].At(x, y) = PositionOf(x, width, unit_px);
-      std::fill_n(planes[kColors + 1].Row(y), width, PositionOf(y, height, unit_px));
-    }
-  });
-  return planes;
+Planes Positions(int width, int height, float unit_px) {
+  Planes positions = MakeUninitializedPlanes(2, width, height);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) positions[0].At(x, y) = PositionOf(x, width, unit_px);
+    std::fill_n(positions[1].Row(y), width, PositionOf(y, height, unit_px));
+  }
+  return positions;
 }
 
 void AddMoments(Planes* splat) {
@@ -116,23 +111,6 @@ Planes FitLight(const Planes& means, const Plane& x, const Plane& y, float ridge
         PlaneAt(ReadMoments([&](size_t k) { return means[k].At(i, j); }), ridge, x.At(i, j), y.At(i, j));
     for (size_t c = 0; c < kColors; ++c) light[c].At(i, j) = value[c];
   });
-  return light;
-}
-
-SlicedPoints FitLightAtPoints(const SlicePoints& points, const SlicedPoints& means, float unit_px,
-                              float ridge, int width, int height) {
-  const size_t samples = points.samples;
-  SlicedPoints light{std::vector<float>(points.pixels.size() * kColors * samples), means.weights};
-  for (size_t i = 0; i < points.pixels.size(); ++i) {
-    const float x = PositionOf(points.pixels[i][0], width, unit_px);
-    const float y = PositionOf(points.pixels[i][1], height, unit_px);
-    for (size_t j = 0; j < samples; ++j) {
-      if (means.weights[i * samples + j] == 0) continue;
-      const auto value = PlaneAt(
-          ReadMoments([&](size_t k) { return means.values[(i * kMoments + k) * samples + j]; }), ridge, x, y);
-      for (size_t c = 0; c < kColors; ++c) light.values[(i * kColors + c) * samples + j] = value[c];
-    }
-  }
   return light;
 }
 

@@ -16,24 +16,18 @@ inline constexpr size_t kPlaneSignals = 5;
 /// Moments that the fit takes: these; x f, y f (6); x^2, x y, y^2.
 inline constexpr size_t kMoments = 14;
 
-/// The light (3 planes) and the pixels' positions, relative to the picture's centre in units of `unit_px`
-/// pixels, > 0. Result: kPlaneSignals planes.
-Planes WithPosition(const Planes& light, float unit_px, TaskPool* pool);
+/// x and y of the pixels, relative to the picture's centre in units of `unit_px` pixels, > 0.
+Planes Positions(int width, int height, float unit_px);
 
-/// Adds the products to a manifold's splat of WithPosition() and of weights. A cell's light counts as if it
+/// Adds the products to a manifold's splat of light (3), of Positions() and of weights. A cell's light counts as if it
 /// were at the mean position of its pixels: for planar light that is exact. Result: kMoments planes and the
 /// weight's.
 void AddMoments(Planes* splat);
 
-/// The fitted plane's value at each pixel. `means`: the moments, blurred, sliced and divided by the weight;
-/// `x`, `y`: the pixels' positions, those of WithPosition(), in the same order; `ridge` is added to the
-/// variances of positions. Result: 3 planes; the pixel's own light where the filter found nothing.
+/// The fitted plane's value at each site. `means`: the moments, blurred, sliced and divided by the weight; `x`,
+/// `y`: the sites' Positions(); `ridge` is added to the variances of positions. Result: 3 planes; the light of
+/// `means` where all other moments are 0.
 /// Threads: identical for any pool.
 Planes FitLight(const Planes& means, const Plane& x, const Plane& y, float ridge, TaskPool* pool);
-
-/// The same at points, which count as if they were at the centres of their pixels, in a picture of `width` x
-/// `height`. 3 channels.
-SlicedPoints FitLightAtPoints(const SlicePoints& points, const SlicedPoints& means, float unit_px,
-                              float ridge, int width, int height);
 
 }  // namespace lumifold::filter

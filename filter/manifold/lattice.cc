@@ -14,21 +14,19 @@ CellSpan SpanOf(int p, int step, int cells) {
   return {std::max(first, 0), std::min(first + 1, cells - 1), part};
 }
 
-Plane ByPhase(ConstFloatView plane, const Lattice& lattice, TaskPool* pool) {
+void PutByPhase(ConstFloatView plane, const Lattice& lattice, TaskPool* pool, Plane* by_phase) {
   const int step = lattice.step;
-  Plane by_phase = Plane::Uninitialized(lattice.PhasedWidth(), lattice.height);
   ForEachBand(pool, lattice.height, [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
       for (int j = 0; j < step; ++j) {
         const float* from = plane.Row(y) + j;
-        float* to = by_phase.Row(y) + j * lattice.PhaseStride();
+        float* to = by_phase->Row(y) + j * lattice.PhaseStride();
         const int cells = (lattice.width - j + step - 1) / step;
         for (int c = 0; c < cells; ++c) to[c] = from[c * step];
         std::fill(to + cells, to + lattice.PhaseStride(), 0.0f);
       }
     }
   });
-  return by_phase;
 }
 
 Plane InOrder(const Plane& by_phase, const Lattice& lattice, TaskPool* pool) {

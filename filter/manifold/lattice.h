@@ -40,9 +40,9 @@ struct Lattice {
   int CellsFrom(int column) const { return std::min(StripCells(), Columns() - column); }
 };
 
-/// A plane with its rows ordered by phase; 0 where the picture's edge cuts cells.
-Plane ByPhase(ConstFloatView plane, const Lattice& lattice, TaskPool* pool);
-/// A plane by phase with its rows in the order of pixels.
+/// The plane's rows ordered by phase, into the first rows of `by_phase`; 0 where the picture's edge cuts cells.
+void PutByPhase(ConstFloatView plane, const Lattice& lattice, TaskPool* pool, Plane* by_phase);
+/// The picture's rows of a plane by phase, in the order of pixels.
 Plane InOrder(const Plane& by_phase, const Lattice& lattice, TaskPool* pool);
 
 /// Linear interpolation between the cells of one axis: `part` of the way from cell `first` to cell `second`,

@@ -52,28 +52,25 @@ Planes ManifoldFilter(const Planes& signals, const Planes& features, ConstFloatV
 /// Points in feature space that belong to no pixel centre: sub-samples of edge pixels, or the surfaces that
 /// an edge pixel shows. The filter is read at them; points with signals are filtered like pixels.
 struct SlicePoints {
-  size_t samples = 1;                      // points of a pixel
-  std::vector<std::array<int, 2>> pixels;  // x, y of each pixel that has points; a pixel may occur repeatedly
-  /// The last features of each point, in units of the filter's features: feature k of point j of pixel i is
-  /// at [(i * own_features + k) * samples + j]. The first d - own_features features are the pixel's.
+  std::vector<std::array<int, 2>> pixels;  // x, y of each point's pixel; a pixel may have many points
+  /// The last features of each point, in units of the filter's features: feature k of point i is at
+  /// [i * own_features + k]. The first d - own_features features are the pixel's.
   size_t own_features = 0;
   std::vector<float> features;
   /// Divisor of the squared distance over the pixel's features, whose patch on an edge mixes surfaces.
   float pixel_divisor = 16;
   /// Signals of the points, with which they are splatted in their pixels' cells beside the pixels: channel c
-  /// of point j of pixel i is at [(i * C + c) * samples + j]. Empty: points are read only.
+  /// of point i is at [i * C + c]. Empty: points are read only.
   std::vector<float> signals;
-  /// Weights of the points in splats, >= 0, at [i * samples + j], beside the mask of the pixels. A pixel
-  /// whose points have weight is not splatted itself.
+  /// Weights of the points in splats, >= 0, beside the mask of the pixels. A pixel whose points have weight is
+  /// not splatted itself.
   std::vector<float> weights;
 };
 
 /// The filter's result at points.
 struct SlicedPoints {
-  /// Channel c of point j of pixel i at [(i * C + c) * samples + j].
-  std::vector<float> values;
-  /// Sum over manifolds of w * up(Psi0), at [i * samples + j]; 0 where a point found nothing; its values are
-  /// then 0.
+  std::vector<float> values;  // channel c of point i at [i * C + c]
+  /// Sum over manifolds of w * up(Psi0) of each point; 0 where it found nothing; its values are then 0.
   std::vector<float> weights;
 };
 

@@ -7,11 +7,12 @@
 namespace lumifold::filter {
 
 StripSplat::StripSplat(const Planes& signals, const Plane& mask, const Planes& weights,
-                       const Lattice& lattice, std::vector<Planes>* splats)
+                       const Lattice& lattice, const Sites& sites, std::vector<Planes>* splats)
     : signals_(signals),
       mask_(mask),
       weights_(weights),
       lattice_(lattice),
+      sites_(sites),
       splats_(*splats),
       sums_((signals.size() + 1) * lattice.SumFloats()),
       sum_rows_(signals.size() + 1),
@@ -23,18 +24,27 @@ void StripSplat::CellRow(int row) {
   }
 }
 
+SplatArgs StripSplat::Args(size_t manifold, int row, int x, std::ptrdiff_t sums, int count) {
+  for (size_t c = 0; c < signals_.size(); ++c) signal_rows_[c] = signals_[c].Row(row) + x;
+  for (size_t c = 0; c < sum_rows_.size(); ++c) sum_rows_[c] = sums_.data() + c * lattice_.SumFloats() + sums;
+  return {signal_rows_.data(), signal_rows_.size(),
+          mask_.Row(row) + x,  weights_[manifold].Row(row) + x,
+          sum_rows_.data(),    count};
+}
+
 void StripSplat::Strip(size_t manifold, int row, int column) {
   const int count = lattice_.CellsFrom(column);
+  const int first = row * lattice_.step;
+  const int last = first + lattice_.RowHeight(row);
   bool has_weight = false;
-  for (int y = row * lattice_.step; y < row * lattice_.step + lattice_.RowHeight(row); ++y) {
-    for (int j = 0; j < lattice_.step; ++j) {
-      const int x = j * lattice_.PhaseStride() + column;
-      for (size_t c = 0; c < signals_.size(); ++c) signal_rows_[c] = signals_[c].Row(y) + x;
-      for (size_t c = 0; c < sum_rows_.size(); ++c)
-        sum_rows_[c] = sums_.data() + c * lattice_.SumFloats() + j * lattice_.SumStride();
-      has_weight |= SplatRow({signal_rows_.data(), signal_rows_.size(), mask_.Row(y) + x,
-                              weights_[manifold].Row(y) + x, sum_rows_.data(), count});
-    }
+  for (int y = first; y < last; ++y) {
+    for (int j = 0; j < lattice_.step; ++j)
+      has_weight |=
+          SplatRow(Args(manifold, y, j * lattice_.PhaseStride() + column, j * lattice_.SumStride(), count));
+  }
+  for (int y = first; y < last; ++y) {
+    for (const PointRun& run : sites_.RunsOf(y, column))
+      has_weight |= SplatPoints(sites_.CellsOf(run), Args(manifold, run.row, run.x, 0, run.count));
   }
   for (size_t c = 0; c < sum_rows_.size(); ++c) {
     float* cells = splats_[manifold][c].Row(row);

@@ -3,29 +3,34 @@
 #include <vector>
 
 #include "filter/image/planes.h"
+#include "filter/kernels/row_kernels.h"
 #include "filter/manifold/lattice.h"
+#include "filter/manifold/sites.h"
 
 namespace lumifold::filter {
 
-/// Splats pixels onto manifolds, one row of cells at a time, in strips that stay in the cache.
+/// Splats sites onto manifolds, one row of cells at a time, in strips that stay in the cache.
 /// Threads: holds scratch memory, so one object for each task; rows of cells are independent.
 /// Source:  Gastal & Oliveira 2012, splatting, Eq. (3), with box means onto cells.
 class StripSplat {
  public:
-  /// Rows of pixels are ordered by phase. `weights`: of the pixels, for each manifold. `splats`: for each
-  /// manifold, per cell: mean of mask * w * f of each signal, and of mask * w.
+  /// `weights`: of the sites, for each manifold. `splats`: for each manifold, per cell: sum of mask * w * f of each
+  /// signal, and of mask * w, over the cell's area.
   StripSplat(const Planes& signals, const Plane& mask, const Planes& weights, const Lattice& lattice,
-             std::vector<Planes>* splats);
+             const Sites& sites, std::vector<Planes>* splats);
 
   void CellRow(int row);
 
  private:
   void Strip(size_t manifold, int row, int column);
+  /// `count` sites from x on in a row of sites; their sums begin at `sums` of each strip of sums.
+  SplatArgs Args(size_t manifold, int row, int x, std::ptrdiff_t sums, int count);
 
   const Planes& signals_;
   const Plane& mask_;
   const Planes& weights_;
   const Lattice& lattice_;
+  const Sites& sites_;
   std::vector<Planes>& splats_;
   std::vector<float> sums_;  // a strip a signal, and one of the weights; 0 between cells' rows
   std::vector<float*> sum_rows_;

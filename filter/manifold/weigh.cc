@@ -25,10 +25,12 @@ Clusters::Clusters(const Plane& mask, TaskPool* pool)
 }
 
 StripWeigh::StripWeigh(const Planes& features, const Lattice& lattice, const Phases& phases,
-                       Clusters* clusters, Level* level)
+                       const Sites& sites, const SlicePoints* points, Clusters* clusters, Level* level)
     : features_(features),
       lattice_(lattice),
       phases_(phases),
+      sites_(sites),
+      points_(points),
       clusters_(*clusters),
       level_(*level),
       sums_(2 * (features.size() + 1) * lattice.SumFloats()),
@@ -70,10 +72,11 @@ bool StripWeigh::PixelRow(size_t manifold, int y, int column) {
   for (size_t k = 0; k < d; ++k) {
     upper_[k] = from.eta[k].Row(span.first);
     lower_[k] = from.eta[k].Row(span.second);
-    feature_rows_[k] = features_[k].Row(y) + column;
   }
   BlendCells({upper_.data(), lower_.data(), span.part, d, column - 1, count + 2, lattice_.Columns(),
               eta_.data(), kEtaStride});
+  PointRow(manifold, y, column);
+  for (size_t k = 0; k < d; ++k) feature_rows_[k] = features_[k].Row(y) + column;
   const WeighArgs weigh = {feature_rows_.data(),
                            eta_.data(),
                            kEtaStride,
@@ -92,6 +95,22 @@ bool StripWeigh::PixelRow(size_t manifold, int y, int column) {
                            sum_rows_.data() + d + 1,
                            lattice_.SumStride()};
   return WeighRow(phases_, weigh, &split);
+}
+
+void StripWeigh::PointRow(size_t manifold, int y, int column) {
+  for (const PointRun& run : sites_.RunsOf(y, column)) {
+    for (size_t k = 0; k < features_.size(); ++k) feature_rows_[k] = features_[k].Row(run.row) + run.x;
+    WeighPoints(sites_.CellsOf(run),
+                {.features = feature_rows_.data(),
+                 .eta = eta_.data(),
+                 .eta_stride = kEtaStride,
+                 .dimensions = features_.size(),
+                 .weight = level_.weights[manifold].Row(run.row) + run.x,
+                 .total = clusters_.total.Row(run.row) + run.x,
+                 .phase_stride = 0,
+                 .count = 0},
+                features_.size() - points_->own_features, points_->pixel_divisor);
+  }
 }
 
 void RootCellRow(const Planes& features, const Lattice& lattice, const Clusters& clusters, int row,

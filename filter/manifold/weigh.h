@@ -5,45 +5,51 @@
 #include "filter/image/parallel.h"
 #include "filter/kernels/row_kernels.h"
 #include "filter/manifold/manifold_tree.h"
+#include "filter/manifold/sites.h"
 
 namespace lumifold::filter {
 
-/// Which clusters the pixels belong to, from level to level of the tree, and what their weights sum to. Rows
-/// of pixels are ordered by phase here and below.
+/// Which clusters the pixels belong to, from level to level of the tree, and what the weights of sites sum to.
+/// Planes are of sites here and below.
 struct Clusters {
   Clusters(const Plane& mask, TaskPool* pool);
 
   Plane members;      // mask times the pixel's membership in its cluster, 0 to 1
   Plane labels;       // manifold of the current level whose cluster the pixel belongs to
   Plane next_labels;  // the same of the next level
-  Plane total;        // sum of the pixel's weights on the manifolds so far
+  Plane total;        // sum of the site's weights on the manifolds so far
 };
 
 /// All manifolds of one level of the tree. The children of manifold i are 2i and 2i + 1 of the next level.
 struct Level {
   std::vector<Manifold> manifolds;
-  Planes weights;                     // for each manifold: w_ki of the pixels
+  Planes weights;                     // for each manifold: w_ki of the sites
   std::vector<ClusterSums> children;  // of the next level's clusters; empty at the last level
 };
 
-/// Weighs pixels on the manifolds of a level, one row of cells at a time, in strips that stay in the cache;
+/// Weighs sites on the manifolds of a level, one row of cells at a time, in strips that stay in the cache;
 /// also splits each cluster by its axis and sums its children, unless the level has none.
 /// Threads: holds scratch memory, so one object for each task; rows of cells are independent.
 /// Source:  Gastal & Oliveira 2012, Eq. (3), (5) and (6), with box means onto cells.
 class StripWeigh {
  public:
-  StripWeigh(const Planes& features, const Lattice& lattice, const Phases& phases, Clusters* clusters,
-             Level* level);
+  /// `points`: null if there are none.
+  StripWeigh(const Planes& features, const Lattice& lattice, const Phases& phases, const Sites& sites,
+             const SlicePoints* points, Clusters* clusters, Level* level);
 
   void CellRow(int row);
 
  private:
   void Strip(size_t manifold, int row, int column);
   bool PixelRow(size_t manifold, int y, int column);
+  /// The points of row y of pixels, from the row of cells in eta_.
+  void PointRow(size_t manifold, int y, int column);
 
   const Planes& features_;
   const Lattice& lattice_;
   const Phases& phases_;
+  const Sites& sites_;
+  const SlicePoints* points_;
   Clusters& clusters_;
   Level& level_;
   std::vector<float> sums_;  // strips: d + 1 of each of two children; 0 between cells' rows

@@ -26,6 +26,7 @@ struct KernelOptions {
 struct Grid {
   int32_t width, height;
   int32_t columns, rows;
+  int32_t points;
 };
 
 /// One use of the kernels: memory, and work in the order of the calls. After an error the calls do nothing.

@@ -5,7 +5,8 @@
 // STEP (side of a cell, a power of two); the constants of filter/manifold/manifold_constants.h and first_order.h by their names;
 // and for arrays MOST_FEATURES, MOST_PLANES and MOST_STEP, the greatest numbers.
 //
-// Layouts: planes of pixels one after another; of cells, all planes of a cell side by side, manifold by manifold. Work-items are
+// Sites are the pixels, row by row, and then the points of SlicePoints.
+// Layouts: planes of sites one after another; of cells, all planes of a cell side by side, manifold by manifold. Work-items are
 // numbered along one dimension; those beyond the last do nothing. No sum crosses work-items.
 #ifdef __OPENCL_VERSION__
 #pragma OPENCL FP_CONTRACT OFF
@@ -21,6 +22,7 @@
 typedef struct {
   int width, height;  // pixels
   int columns, rows;  // cells
+  int points;
 } Grid;
 
 // A place between the centres of four cells, as a pixel has it.
@@ -30,6 +32,7 @@ typedef struct {
 } Place;
 
 size_t PixelsOf(Grid grid) { return (size_t)grid.width * (size_t)grid.height; }
+size_t SitesOf(Grid grid) { return PixelsOf(grid) + (size_t)grid.points; }
 size_t CellsOf(Grid grid) { return (size_t)grid.columns * (size_t)grid.rows; }
 
 // Exp of filter/image/portable_math.h for x <= 88.
@@ -73,6 +76,14 @@ Place PlaceOf(int x, int y, Grid grid) {
   return at;
 }
 
+// x and y of a site. `places`: x, y of each point's pixel.
+int XOf(size_t site, Grid grid, __global const int* places) {
+  return site < PixelsOf(grid) ? (int)(site % grid.width) : places[2 * (site - PixelsOf(grid))];
+}
+int YOf(size_t site, Grid grid, __global const int* places) {
+  return site < PixelsOf(grid) ? (int)(site / grid.width) : places[2 * (site - PixelsOf(grid)) + 1];
+}
+
 // Plane k of the cells, each of `planes`, at a place.
 float Read(__global const float* cells, int planes, int k, Place at, Grid grid) {
   const int upper = at.upper * grid.columns, lower = at.lower * grid.columns;
@@ -100,13 +111,15 @@ int AreaOf(int cell, Grid grid) {
   return (columns < STEP ? columns : STEP) * (rows < STEP ? rows : STEP);
 }
 
-// The mean over a cell of mass * value: down each column, then pair by pair.
-float CellMean(const float* masses, const float* values, int area) {
-  float columns[MOST_STEP];
+// The sums of mass * value down each column of a cell.
+void SumColumns(const float* masses, const float* values, float* columns) {
   for (int i = 0; i < STEP; ++i) {
     columns[i] = 0.0f;
     for (int j = 0; j < STEP; ++j) columns[i] += masses[j * STEP + i] * values[j * STEP + i];
   }
+}
+// The sum of the columns, pair by pair, over the cell's area.
+float MeanOfColumns(float* columns, int area) {
   for (int left = STEP / 2; left > 0; left /= 2) {
     for (int i = 0; i < left; ++i) columns[i] = columns[2 * i] + columns[2 * i + 1];
   }
@@ -135,13 +148,16 @@ __kernel void ClusterSums(Grid grid, int clusters, __global const float* feature
     for (int k = 0; k <= FEATURES; ++k) to[k] = 0.0f;
     return;
   }
-  to[FEATURES] = CellMean(own, values, AreaOf(cell, grid));
+  float columns[MOST_STEP];
+  SumColumns(own, values, columns);
+  to[FEATURES] = MeanOfColumns(columns, AreaOf(cell, grid));
   for (int k = 0; k < FEATURES; ++k) {
     for (int i = 0; i < STEP * STEP; ++i) {
       const int pixel = PixelOfCell(cell, i, grid);
-      values[i] = pixel < 0 ? 0.0f : features[(size_t)k * PixelsOf(grid) + pixel];
+      values[i] = pixel < 0 ? 0.0f : features[(size_t)k * SitesOf(grid) + pixel];
     }
-    to[k] = CellMean(own, values, AreaOf(cell, grid));
+    SumColumns(own, values, columns);
+    to[k] = MeanOfColumns(columns, AreaOf(cell, grid));
   }
 }
 
@@ -264,84 +280,86 @@ __kernel void Axis(int images, int iterations, __global const double* covariance
   for (int k = 0; k < FEATURES; ++k) axes[image * FEATURES + k] = (float)axis[k];
 }
 
-// The weights of pixels on the `count` manifolds from `first` on. `splits`: each pixel goes into one of the two parts of its
-// cluster, with a mass.
-__kernel void Weigh(Grid grid, int count, int first, int splits, __global const float* features,
-                    __global const float* eta, __global const float* axes, __global float* members,
-                    __global int* labels, __global float* total, __global float* weights,
-                    __global float* masses) {
-  const size_t pixel = get_global_id(0);
-  if (pixel >= PixelsOf(grid)) return;
-  const Place at = PlaceOf((int)(pixel % grid.width), (int)(pixel / grid.width), grid);
+// The weights of sites on the `count` manifolds from `first` on. Squared distances of points over the first `shared` features,
+// which are their pixels', are divided. `splits`: each pixel goes into one of the two parts of its cluster, with a mass.
+__kernel void Weigh(Grid grid, int count, int first, int splits, int shared, float divisor,
+                    __global const int* places, __global const float* features, __global const float* eta,
+                    __global const float* axes, __global float* members, __global int* labels,
+                    __global float* total, __global float* weights, __global float* masses) {
+  const size_t site = get_global_id(0);
+  if (site >= SitesOf(grid)) return;
+  const int is_pixel = site < PixelsOf(grid);
+  const Place at = PlaceOf(XOf(site, grid, places), YOf(site, grid, places), grid);
   float own_features[MOST_FEATURES];
-  for (int k = 0; k < FEATURES; ++k) own_features[k] = features[k * PixelsOf(grid) + pixel];
-  const int own = labels[pixel];
-  float sum = total[pixel], along = 0.0f, own_weight = 0.0f;
+  for (int k = 0; k < FEATURES; ++k) own_features[k] = features[k * SitesOf(grid) + site];
+  const int own = splits && is_pixel ? labels[site] : -1;
+  const int divided = is_pixel ? 0 : shared;
+  float sum = total[site], along = 0.0f, own_weight = 0.0f;
   for (int m = 0; m < count; ++m) {
     __global const float* heights = eta + (size_t)(first + m) * CellsOf(grid) * FEATURES;
-    const int is_split = splits && m == own;
     float square = 0.0f;
-    for (int k = 0; k < FEATURES && (is_split || square < kFarthest); ++k) {
+    for (int k = 0; k < FEATURES && (m == own || k < divided || square < kFarthest); ++k) {
       const float offset = own_features[k] - Read(heights, FEATURES, k, at, grid);
       square += offset * offset;
-      if (is_split) along += axes[m * FEATURES + k] * offset;
+      if (k + 1 == divided) square /= divisor;
+      if (m == own) along += axes[m * FEATURES + k] * offset;
     }
     const float weight = square < kFarthest ? Exp(-square) : 0.0f;
     sum += weight;
     own_weight = m == own ? weight : own_weight;
-    weights[(first + m) * PixelsOf(grid) + pixel] = weight;
+    weights[(first + m) * SitesOf(grid) + site] = weight;
   }
-  total[pixel] = sum;
-  if (!splits) return;
-  const float member = members[pixel] * Least(1.0f, fabs(along) * (1.0f / kSeam));
-  members[pixel] = member;
-  labels[pixel] = 2 * own + (along >= 0.0f ? 1 : 0);
-  masses[pixel] = member * (1.0f - own_weight);
+  total[site] = sum;
+  if (own < 0) return;
+  const float member = members[site] * Least(1.0f, fabs(along) * (1.0f / kSeam));
+  members[site] = member;
+  labels[site] = 2 * own + (along >= 0.0f ? 1 : 0);
+  masses[site] = member * (1.0f - own_weight);
 }
 
 // --- Splat, blur and slice -------------------------------------------------------------------------------------------------
 
-// What pixels, or points, weigh in splats.
-__kernel void KeepMass(int count, __global const float* total, __global float* masses) {
-  const size_t item = get_global_id(0);
-  if (item < (size_t)count) masses[item] /= Least(1.0f, total[item]) + kLeastTotal;
+// What sites weigh in splats.
+__kernel void KeepMass(Grid grid, __global const float* total, __global float* masses) {
+  const size_t site = get_global_id(0);
+  if (site < SitesOf(grid)) masses[site] /= Least(1.0f, total[site]) + kLeastTotal;
 }
 
-// On all manifolds.
-__kernel void Splat(Grid grid, int manifolds, float unit, __global const float* signals,
-                    __global const float* masses, __global const float* weights, __global float* psi) {
+// Signal k of a site, its position among them; the last is the weight's.
+float SignalOf(int k, size_t site, Grid grid, float unit, __global const int* places,
+               __global const float* signals) {
+  if (k < CHANNELS) return signals[k * SitesOf(grid) + site];
+  if (k == SIGNALS) return 1.0f;
+  return k == CHANNELS ? PositionOf(XOf(site, grid, places), grid.width, unit)
+                       : PositionOf(YOf(site, grid, places), grid.height, unit);
+}
+
+// On all manifolds. The points of cell c are order[firsts[c]] to order[firsts[c + 1] - 1]; a column of pixels is summed before its
+// points.
+__kernel void Splat(Grid grid, int manifolds, float unit, __global const int* places, __global const int* firsts,
+                    __global const int* order, __global const float* signals, __global const float* masses,
+                    __global const float* weights, __global float* psi) {
   const size_t item = get_global_id(0);
   if (item >= (size_t)manifolds * CellsOf(grid)) return;
   const int cell = (int)(item % CellsOf(grid));
-  __global const float* on_manifold = weights + item / CellsOf(grid) * PixelsOf(grid);
-  float own[MOST_STEP * MOST_STEP], values[MOST_STEP * MOST_STEP];
-  int has_weight = 0;
+  __global const float* on_manifold = weights + item / CellsOf(grid) * SitesOf(grid);
+  float own[MOST_STEP * MOST_STEP], values[MOST_STEP * MOST_STEP], columns[MOST_STEP];
   for (int i = 0; i < STEP * STEP; ++i) {
     const int pixel = PixelOfCell(cell, i, grid);
-    const float weight = pixel < 0 ? 0.0f : on_manifold[pixel];
-    has_weight |= weight > 0.0f;
-    own[i] = pixel < 0 ? 0.0f : masses[pixel] * weight;
-    values[i] = 1.0f;
+    own[i] = pixel < 0 ? 0.0f : masses[pixel] * on_manifold[pixel];
   }
-  __global float* to = psi + item * PLANES;
-  if (!has_weight) {
-    for (int k = 0; k < PLANES; ++k) to[k] = 0.0f;
-    return;
-  }
-  to[RESULTS] = CellMean(own, values, AreaOf(cell, grid));
-  for (int k = 0; k < SIGNALS; ++k) {
+  for (int k = 0; k <= SIGNALS; ++k) {
     for (int i = 0; i < STEP * STEP; ++i) {
       const int pixel = PixelOfCell(cell, i, grid);
-      if (pixel < 0)
-        values[i] = 0.0f;
-      else if (k < CHANNELS)
-        values[i] = signals[(size_t)k * PixelsOf(grid) + pixel];
-      else if (k == CHANNELS)
-        values[i] = PositionOf(pixel % grid.width, grid.width, unit);
-      else
-        values[i] = PositionOf(pixel / grid.width, grid.height, unit);
+      values[i] = pixel < 0 ? 0.0f : SignalOf(k, pixel, grid, unit, places, signals);
     }
-    to[k] = CellMean(own, values, AreaOf(cell, grid));
+    SumColumns(own, values, columns);
+    for (int i = firsts[cell]; i < firsts[cell + 1]; ++i) {
+      const size_t site = PixelsOf(grid) + order[i];
+      columns[places[2 * order[i]] % STEP] +=
+          masses[site] * on_manifold[site] * SignalOf(k, site, grid, unit, places, signals);
+    }
+    psi[item * PLANES + (k == SIGNALS ? RESULTS : k)] = MeanOfColumns(columns, AreaOf(cell, grid));
   }
 }
 
@@ -443,119 +461,33 @@ float PlaneAt(const float* m, int c, float ridge, float x, float y) {
   return m[c] + by_x * (m[5 + c] - m[3] * m[c]) + by_y * (m[8 + c] - m[4] * m[c]);
 }
 
-// Sums over all manifolds, quotient, and what the fit makes of it; a pixel that no manifold reaches keeps its own signals.
-__kernel void Slice(Grid grid, int manifolds, float unit, float ridge, __global const float* signals,
-                    __global const float* weights, __global const float* psi, __global float* result) {
-  const size_t pixel = get_global_id(0);
-  if (pixel >= PixelsOf(grid)) return;
-  const int x = (int)(pixel % grid.width), y = (int)(pixel / grid.width);
+// Sums over all manifolds, quotient, and what the fit makes of it. A pixel that no manifold reaches keeps its own signals; a point
+// is 0 then, and so is what it found.
+__kernel void Slice(Grid grid, int manifolds, float unit, float ridge, __global const int* places,
+                    __global const float* signals, __global const float* weights, __global const float* psi,
+                    __global float* result, __global float* found) {
+  const size_t site = get_global_id(0);
+  if (site >= SitesOf(grid)) return;
+  const int x = XOf(site, grid, places), y = YOf(site, grid, places);
   const Place at = PlaceOf(x, y, grid);
   float sums[MOST_PLANES];
   for (int k = 0; k < PLANES; ++k) sums[k] = 0.0f;
   for (int m = 0; m < manifolds; ++m) {
-    const float weight = weights[m * PixelsOf(grid) + pixel];
+    const float weight = weights[m * SitesOf(grid) + site];
     if (weight == 0.0f) continue;
     __global const float* cells = psi + m * CellsOf(grid) * PLANES;
     for (int k = 0; k < PLANES; ++k) sums[k] += weight * Read(cells, PLANES, k, at, grid);
+  }
+  const int is_lost = sums[RESULTS] < kLeastWeight;
+  const int keeps = site < PixelsOf(grid);
+  for (int k = 0; k < RESULTS; ++k) {
+    const float own = keeps && k < SIGNALS ? SignalOf(k, site, grid, unit, places, signals) : 0.0f;
+    sums[k] = is_lost ? own : sums[k] / sums[RESULTS];
   }
   const float own_x = PositionOf(x, grid.width, unit), own_y = PositionOf(y, grid.height, unit);
-  const int is_lost = sums[RESULTS] < kLeastWeight;
-  for (int k = 0; k < RESULTS; ++k) {
-    const float position = k == CHANNELS ? own_x : k == CHANNELS + 1 ? own_y : 0.0f;
-    const float lost = k < CHANNELS ? signals[k * PixelsOf(grid) + pixel] : position;
-    sums[k] = is_lost ? lost : sums[k] / sums[RESULTS];
-  }
   for (int c = 0; c < CHANNELS; ++c)
-    result[c * PixelsOf(grid) + pixel] = FITS ? PlaneAt(sums, c, ridge, own_x, own_y) : sums[c];
-}
-
-// --- Points of SlicePoints: number i * samples + j is point j of entry i ---------------------------------------------------
-
-// `pixels`: x, y of each entry; `own`: features of each entry, of `own_count` planes.
-__kernel void WeighPoints(Grid grid, int points, int samples, int manifolds, int own_count, float divisor,
-                          __global const int* pixels, __global const float* features,
-                          __global const float* own, __global const float* eta, __global float* weights,
-                          __global float* total) {
-  const size_t point = get_global_id(0);
-  if (point >= (size_t)points) return;
-  const size_t entry = point / samples, sample = point % samples;
-  const int x = pixels[2 * entry], y = pixels[2 * entry + 1];
-  const Place at = PlaceOf(x, y, grid);
-  const int shared = FEATURES - own_count;
-  float sum = 0.0f;
-  for (int m = 0; m < manifolds; ++m) {
-    __global const float* heights = eta + m * CellsOf(grid) * FEATURES;
-    float square = 0.0f;
-    for (int k = 0; k < shared; ++k) {
-      const float offset =
-          features[k * PixelsOf(grid) + (size_t)y * grid.width + x] - Read(heights, FEATURES, k, at, grid);
-      square += offset * offset;
-    }
-    square /= divisor;
-    for (int k = shared; k < FEATURES; ++k) {
-      const float offset =
-          own[(entry * own_count + (k - shared)) * samples + sample] - Read(heights, FEATURES, k, at, grid);
-      square += offset * offset;
-    }
-    const float weight = square < kFarthest ? Exp(-square) : 0.0f;
-    weights[m * (size_t)points + point] = weight;
-    sum += weight;
-  }
-  total[point] = sum;
-}
-
-// Adds the points of each cell in their order. `cells`: those that have points; point number i of cell c is at
-// order[firsts[c] + i].
-__kernel void SplatPoints(Grid grid, int points, int samples, int manifolds, int cell_count, float unit,
-                          __global const int* pixels, __global const float* signals,
-                          __global const float* masses, __global const float* weights,
-                          __global const int* cells, __global const int* firsts, __global const int* order,
-                          __global float* psi) {
-  const size_t item = get_global_id(0);
-  if (item >= (size_t)manifolds * cell_count) return;
-  const int c = (int)(item % cell_count);
-  const size_t manifold = item / cell_count;
-  __global float* to = psi + (manifold * CellsOf(grid) + cells[c]) * PLANES;
-  const float area = (float)AreaOf(cells[c], grid);
-  for (int i = firsts[c]; i < firsts[c + 1]; ++i) {
-    const size_t point = order[i], entry = point / samples, sample = point % samples;
-    if (masses[point] == 0.0f) continue;
-    const float mass = masses[point] * weights[manifold * points + point] / area;
-    for (int k = 0; k < CHANNELS; ++k) to[k] += mass * signals[(entry * CHANNELS + k) * samples + sample];
-    if (FITS) {
-      to[CHANNELS] += mass * PositionOf(pixels[2 * entry], grid.width, unit);
-      to[CHANNELS + 1] += mass * PositionOf(pixels[2 * entry + 1], grid.height, unit);
-    }
-    to[RESULTS] += mass;
-  }
-}
-
-// A point that no manifold reaches is 0, and so is its weight.
-__kernel void SliceAtPoints(Grid grid, int points, int samples, int manifolds, float unit, float ridge,
-                            __global const int* pixels, __global const float* weights,
-                            __global const float* psi, __global float* values, __global float* found) {
-  const size_t point = get_global_id(0);
-  if (point >= (size_t)points) return;
-  const size_t entry = point / samples, sample = point % samples;
-  const int x = pixels[2 * entry], y = pixels[2 * entry + 1];
-  const Place at = PlaceOf(x, y, grid);
-  float sums[MOST_PLANES];
-  for (int k = 0; k < PLANES; ++k) sums[k] = 0.0f;
-  for (int m = 0; m < manifolds; ++m) {
-    const float weight = weights[m * (size_t)points + point];
-    if (weight == 0.0f) continue;
-    __global const float* cells = psi + m * CellsOf(grid) * PLANES;
-    for (int k = 0; k < PLANES; ++k) sums[k] += weight * Read(cells, PLANES, k, at, grid);
-  }
-  const int is_lost = sums[RESULTS] < kLeastWeight;
-  found[point] = is_lost ? 0.0f : sums[RESULTS];
-  for (int k = 0; k < RESULTS && !is_lost; ++k) sums[k] /= sums[RESULTS];
-  for (int c = 0; c < CHANNELS; ++c) {
-    float value = sums[c];
-    if (FITS)
-      value = PlaneAt(sums, c, ridge, PositionOf(x, grid.width, unit), PositionOf(y, grid.height, unit));
-    values[(entry * CHANNELS + c) * samples + sample] = is_lost ? 0.0f : value;
-  }
+    result[c * SitesOf(grid) + site] = FITS ? PlaneAt(sums, c, ridge, own_x, own_y) : sums[c];
+  if (!keeps) found[site - PixelsOf(grid)] = is_lost ? 0.0f : sums[RESULTS];
 }
 
 // --- What the bits rest on -------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -22,21 +23,22 @@ class ManifoldRun {
  public:
   ManifoldRun(const ManifoldCall& call, KernelRun* run)
       : call_(call),
+        points_(PointsOf(call)),
         run_(*run),
         options_(KernelsOf(call)),
         lattice_(call.mask.width(), call.mask.height(), options_.step),
-        grid_{lattice_.width, lattice_.height, lattice_.Columns(), lattice_.Rows()},
+        grid_{lattice_.width, lattice_.height, lattice_.Columns(), lattice_.Rows(),
+              Int(PointsOf(call).pixels.size())},
         pixels_(static_cast<size_t>(grid_.width) * static_cast<size_t>(grid_.height)),
+        sites_(pixels_ + static_cast<size_t>(grid_.points)),
         cells_(static_cast<size_t>(grid_.columns) * static_cast<size_t>(grid_.rows)),
         manifolds_((int32_t{1} << call.params.height) - 1) {}
 
   absl::StatusOr<ManifoldResult> Run() {
-    signals_ = Upload(call_.signals);
-    features_ = Upload(call_.features);
+    UploadSites();
     GrowTree();
-    splat_masks_ = SplatMasks();
-    if (call_.points != nullptr) WeighPoints();
-    SplatBlurSlice();
+    const Buffer masks = SplatMasks();
+    SplatBlurSlice(masks);
     if (absl::Status status = run_.Finish(); !status.ok()) return status;
     return Results();
   }
@@ -44,7 +46,11 @@ class ManifoldRun {
  private:
   size_t Features() const { return static_cast<size_t>(options_.features); }
   size_t Planes() const { return static_cast<size_t>(options_.planes()); }
-  bool HasPointSignals() const { return call_.points != nullptr && !call_.points->signals.empty(); }
+  /// No points where the call has none.
+  static const SlicePoints& PointsOf(const ManifoldCall& call) {
+    static const SlicePoints none;
+    return call.points != nullptr ? *call.points : none;
+  }
   float InCells(float sigma) const { return sigma / static_cast<float>(lattice_.step); }
 
   Buffer Floats(size_t count) { return run_.Allocate(count * sizeof(float)); }
@@ -54,55 +60,71 @@ class ManifoldRun {
     run_.Write(buffer, 0, values.data(), values.size() * sizeof(T));
     return buffer;
   }
-  Buffer Upload(const std::vector<Plane>& planes) {
-    const Buffer buffer = Floats(planes.size() * pixels_);
+  /// Planes of sites: those of pixels, and value(k, i) for plane k of point i.
+  template <typename Value>
+  Buffer Upload(const std::vector<Plane>& planes, const Value& value) {
+    const Buffer buffer = Floats(planes.size() * sites_);
     for (size_t k = 0; k < planes.size(); ++k) {
-      const std::vector<float> values = Packed(planes[k].view());
-      run_.Write(buffer, k * pixels_ * sizeof(float), values.data(), pixels_ * sizeof(float));
+      std::vector<float> values = Packed(planes[k].view());
+      for (size_t i = 0; i < points_.pixels.size(); ++i) values.push_back(value(k, i));
+      run_.Write(buffer, k * sites_ * sizeof(float), values.data(), sites_ * sizeof(float));
     }
     return buffer;
   }
   std::vector<float> Packed(ConstFloatView plane) const {
     std::vector<float> values;
-    values.reserve(pixels_);
+    values.reserve(sites_);
     for (int y = 0; y < plane.height(); ++y)
       values.insert(values.end(), plane.Row(y), plane.Row(y) + plane.width());
     return values;
   }
 
-  /// The manifolds, the weights of pixels on them and their sums; and what splits clusters.
+  /// The manifolds, the weights of sites on them and their sums; and what splits clusters.
   struct Tree {
     Buffer eta, weights, total;
     Buffer sums, axes;
   };
-  struct Points {
-    int32_t count, samples;
-    Buffer pixels, weights, masses;
-    Buffer values, found;
-  };
 
+  void UploadSites();
   void GrowTree();
   /// The axes that split `count` clusters.
   void FindAxes(int32_t count, int32_t first);
+  /// What sites weigh in splats.
   Buffer SplatMasks();
-  void WeighPoints();
-  void SplatBlurSlice();
-  void SplatPoints();
+  void SplatBlurSlice(Buffer masks);
+  void Splat(Buffer masks);
   absl::StatusOr<ManifoldResult> Results();
 
   const ManifoldCall& call_;
+  const SlicePoints& points_;
   KernelRun& run_;
   const KernelOptions options_;
   const Lattice lattice_;
   const Grid grid_;
   const size_t pixels_;
+  const size_t sites_;
   const size_t cells_;
   const int32_t manifolds_;
-  Buffer signals_ = {}, features_ = {};
+  Buffer places_ = {}, signals_ = {}, features_ = {};
   Tree tree_ = {};
-  Buffer splat_masks_ = {}, psi_ = {}, result_ = {};
-  Points points_ = {};
+  Buffer psi_ = {}, result_ = {}, found_ = {};
 };
+
+void ManifoldRun::UploadSites() {
+  std::vector<int32_t> places;
+  for (const auto& [x, y] : points_.pixels) places.insert(places.end(), {x, y});
+  places_ = Upload(places);
+  const size_t channels = call_.signals.size();
+  signals_ = Upload(call_.signals, [&](size_t c, size_t i) {
+    return points_.signals.empty() ? 0.0f : points_.signals[i * channels + c];
+  });
+  const size_t own = points_.own_features;
+  features_ = Upload(call_.features, [&](size_t k, size_t i) {
+    const size_t shared = Features() - own;
+    const auto [x, y] = points_.pixels[i];
+    return k < shared ? call_.features[k].At(x, y) : points_.features[i * own + (k - shared)];
+  });
+}
 
 void ManifoldRun::FindAxes(int32_t count, int32_t first) {
   const int32_t row_step = std::max(1, grid_.rows / kAxisRows);
@@ -119,8 +141,8 @@ void ManifoldRun::GrowTree() {
   const size_t most_clusters = size_t{1} << (call_.params.height - 1);
   const size_t most_sums = most_clusters * cells_ * (Features() + 1);
   tree_ = {.eta = Floats(static_cast<size_t>(manifolds_) * cells_ * Features()),
-           .weights = Floats(static_cast<size_t>(manifolds_) * pixels_),
-           .total = Upload(std::vector<float>(pixels_)),
+           .weights = Floats(static_cast<size_t>(manifolds_) * sites_),
+           .total = Upload(std::vector<float>(sites_)),
            .sums = Floats(most_sums),
            .axes = Floats(most_clusters * Features())};
   const Buffer members = Upload(Packed(call_.mask));
@@ -140,73 +162,56 @@ void ManifoldRun::GrowTree() {
     run_.Run("EvenColumns", planes * static_cast<size_t>(grid_.columns), {grid_, count, link, low});
     run_.Run("Heights", images * cells_, {grid_, count, first, parent, low, tree_.eta});
     if (splits != 0) FindAxes(count, first);
-    run_.Run("Weigh", pixels_,
-             {grid_, count, first, splits, features_, tree_.eta, tree_.axes, members, labels, tree_.total,
-              tree_.weights, masses});
+    run_.Run(
+        "Weigh", sites_,
+        {grid_, count, first, splits, Int(Features() - points_.own_features), points_.pixel_divisor, places_,
+         features_, tree_.eta, tree_.axes, members, labels, tree_.total, tree_.weights, masses});
   }
 }
 
 Buffer ManifoldRun::SplatMasks() {
   std::vector<float> masks = Packed(call_.mask);
-  for (size_t i = 0; HasPointSignals() && i < call_.points->weights.size(); ++i) {
-    const auto [x, y] = call_.points->pixels[i / call_.points->samples];
-    if (call_.points->weights[i] > 0)  // the pixel's points stand for it
+  masks.resize(sites_, 0.0f);
+  for (size_t i = 0; !points_.signals.empty() && i < points_.weights.size(); ++i) {
+    masks[pixels_ + i] = points_.weights[i];
+    const auto [x, y] = points_.pixels[i];
+    if (points_.weights[i] > 0)  // the pixel's points stand for it
       masks[static_cast<size_t>(y) * static_cast<size_t>(grid_.width) + static_cast<size_t>(x)] = 0;
   }
   const Buffer buffer = Upload(masks);
-  if (call_.params.keeps_mass) run_.Run("KeepMass", pixels_, {Int(pixels_), tree_.total, buffer});
+  if (call_.params.keeps_mass) run_.Run("KeepMass", sites_, {grid_, tree_.total, buffer});
   return buffer;
 }
 
-void ManifoldRun::WeighPoints() {
-  const SlicePoints& points = *call_.points;
-  const size_t count = points.pixels.size() * points.samples;
-  std::vector<int32_t> pixels;
-  for (const auto& [x, y] : points.pixels) pixels.insert(pixels.end(), {x, y});
-  points_ = {.count = Int(count),
-             .samples = Int(points.samples),
-             .pixels = Upload(pixels),
-             .weights = Floats(count * static_cast<size_t>(manifolds_)),
-             .masses = Upload(points.weights),
-             .values = Floats(count * static_cast<size_t>(options_.channels)),
-             .found = Floats(count)};
-  const Buffer total = Floats(count);
-  run_.Run("WeighPoints", count,
-           {grid_, points_.count, points_.samples, manifolds_, Int(points.own_features), points.pixel_divisor,
-            points_.pixels, features_, Upload(points.features), tree_.eta, points_.weights, total});
-  if (call_.params.keeps_mass && HasPointSignals())
-    run_.Run("KeepMass", count, {points_.count, total, points_.masses});
-}
-
-void ManifoldRun::SplatPoints() {
-  const SlicePoints& points = *call_.points;
+void ManifoldRun::Splat(Buffer masks) {
   std::vector<std::vector<int32_t>> by_cell(cells_);
-  for (size_t i = 0; i < points.pixels.size(); ++i) {
-    const auto [x, y] = points.pixels[i];
-    auto& cell = by_cell[static_cast<size_t>(y / lattice_.step) * static_cast<size_t>(grid_.columns) +
-                         static_cast<size_t>(x / lattice_.step)];
-    for (size_t j = 0; j < points.samples; ++j) cell.push_back(Int(i * points.samples + j));
+  std::vector<size_t> by_row(points_.pixels.size());
+  std::iota(by_row.begin(), by_row.end(), size_t{0});
+  std::stable_sort(by_row.begin(), by_row.end(),
+                   [&](size_t i, size_t j) { return points_.pixels[i][1] < points_.pixels[j][1]; });
+  for (const size_t i : by_row) {
+    const auto [x, y] = points_.pixels[i];
+    by_cell[static_cast<size_t>(y / lattice_.step) * static_cast<size_t>(grid_.columns) +
+            static_cast<size_t>(x / lattice_.step)]
+        .push_back(Int(i));
   }
-  std::vector<int32_t> cells, firsts = {0}, order;
-  for (size_t i = 0; i < cells_; ++i) {
-    if (by_cell[i].empty()) continue;
-    cells.push_back(Int(i));
-    order.insert(order.end(), by_cell[i].begin(), by_cell[i].end());
+  std::vector<int32_t> firsts = {0}, order;
+  for (const std::vector<int32_t>& of_cell : by_cell) {
+    order.insert(order.end(), of_cell.begin(), of_cell.end());
     firsts.push_back(Int(order.size()));
   }
-  run_.Run("SplatPoints", cells.size() * static_cast<size_t>(manifolds_),
-           {grid_, points_.count, points_.samples, manifolds_, Int(cells.size()), call_.reach, points_.pixels,
-            Upload(points.signals), points_.masses, points_.weights, Upload(cells), Upload(firsts),
-            Upload(order), psi_});
+  run_.Run("Splat", static_cast<size_t>(manifolds_) * cells_,
+           {grid_, manifolds_, call_.reach, places_, Upload(firsts), Upload(order), signals_, masks,
+            tree_.weights, psi_});
 }
 
-void ManifoldRun::SplatBlurSlice() {
+void ManifoldRun::SplatBlurSlice(Buffer masks) {
   const auto manifolds = static_cast<size_t>(manifolds_);
   const size_t all_cells = manifolds * cells_;
   psi_ = Floats(all_cells * Planes());
-  result_ = Floats(pixels_ * static_cast<size_t>(options_.channels));
-  run_.Run("Splat", all_cells, {grid_, manifolds_, call_.reach, signals_, splat_masks_, tree_.weights, psi_});
-  if (HasPointSignals()) SplatPoints();
+  result_ = Floats(sites_ * static_cast<size_t>(options_.channels));
+  found_ = Floats(static_cast<size_t>(grid_.points));
+  Splat(masks);
   if (options_.fits) run_.Run("Moments", all_cells, {grid_, manifolds_, psi_});
   const float sigma = InCells(call_.reach);
   const float stretch = (sigma / kBlurRange) * (sigma / kBlurRange);
@@ -217,34 +222,29 @@ void ManifoldRun::SplatBlurSlice() {
            {grid_, manifolds_, across, psi_});
   run_.Run("GuidedColumns", manifolds * static_cast<size_t>(grid_.columns) * Planes(),
            {grid_, manifolds_, down, psi_});
-  run_.Run(
-      "Slice", pixels_,
-      {grid_, manifolds_, call_.reach, call_.params.slope_ridge, signals_, tree_.weights, psi_, result_});
-  if (call_.points == nullptr) return;
-  run_.Run("SliceAtPoints", static_cast<size_t>(points_.count),
-           {grid_, points_.count, points_.samples, manifolds_, call_.reach, call_.params.slope_ridge,
-            points_.pixels, points_.weights, psi_, points_.values, points_.found});
+  run_.Run("Slice", sites_,
+           {grid_, manifolds_, call_.reach, call_.params.slope_ridge, places_, signals_, tree_.weights, psi_,
+            result_, found_});
 }
 
 absl::StatusOr<ManifoldResult> ManifoldRun::Results() {
   const auto channels = static_cast<size_t>(options_.channels);
   ManifoldResult result{MakeUninitializedPlanes(channels, grid_.width, grid_.height), {}};
-  std::vector<float> values(pixels_);
+  const auto count = static_cast<size_t>(grid_.points);
+  result.points = {std::vector<float>(count * channels), std::vector<float>(count)};
+  std::vector<float> values(sites_);
   for (size_t c = 0; c < channels; ++c) {
-    const size_t bytes = pixels_ * sizeof(float);
+    const size_t bytes = sites_ * sizeof(float);
     if (absl::Status status = run_.Read(result_, c * bytes, bytes, values.data()); !status.ok())
       return status;
     const auto width = static_cast<size_t>(grid_.width);
     for (int y = 0; y < grid_.height; ++y)
       std::copy_n(values.data() + static_cast<size_t>(y) * width, width, result.filtered[c].Row(y));
+    for (size_t i = 0; i < count; ++i) result.points.values[i * channels + c] = values[pixels_ + i];
   }
-  if (call_.points == nullptr) return result;
-  const auto count = static_cast<size_t>(points_.count);
-  result.points = {std::vector<float>(count * channels), std::vector<float>(count)};
-  absl::Status read =
-      run_.Read(points_.values, 0, count * channels * sizeof(float), result.points.values.data());
-  if (read.ok()) read = run_.Read(points_.found, 0, count * sizeof(float), result.points.weights.data());
-  if (!read.ok()) return read;
+  if (absl::Status status = run_.Read(found_, 0, count * sizeof(float), result.points.weights.data());
+      !status.ok())
+    return status;
   return result;
 }
 

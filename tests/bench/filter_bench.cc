@@ -73,12 +73,12 @@ void BM_ManifoldsAndPoints(benchmark::State& state) {
   Plane mask(kWidth, kHeight);
   mask.Fill(1);
   SlicePoints points;
-  points.samples = 16;
   points.own_features = 4;
   for (int i = 0; i < kWidth * kHeight; i += 20) {
-    points.pixels.push_back({i % kWidth, i / kWidth});
-    for (size_t k = 6; k < 10; ++k)
-      points.features.insert(points.features.end(), 16, features[k].At(i % kWidth, i / kWidth));
+    for (int j = 0; j < 16; ++j) {
+      points.pixels.push_back({i % kWidth, i / kWidth});
+      for (size_t k = 6; k < 10; ++k) points.features.push_back(features[k].At(i % kWidth, i / kWidth));
+    }
   }
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(static_cast<int>(state.range(0)));
   const ManifoldParams params;

@@ -78,11 +78,16 @@ TEST(ManifoldFilter, EqualsItsOracleAtAnyWidthOfRowsAndCellsOnEachInstructionSet
         MakeManifoldInput(c.columns * c.cell - c.cell / 3, c.rows * c.cell - c.cell / 2, 3, true, 18);
     const ManifoldParams params = {
         .sigma_s = 8, .height = 3, .cell = c.cell, .is_first_order = c.columns % 2 == 1};
-    const Planes slow =
-        ManifoldFilterOracle(input.signals, input.features, input.mask.view(), params, 8, nullptr).filtered;
+    SlicePoints points = MakePoints(input, 3, 1);
+    AddSignals(3, &points);
+    const ManifoldResult slow =
+        ManifoldFilterOracle(input.signals, input.features, input.mask.view(), params, 8, &points);
     OnEachTarget([&] {
-      EXPECT_EQ(WorstDifference(Filtered(input, params), slow), 0.0)
+      const ManifoldResult fast = ManifoldFilterAtPoints(input.signals, input.features, input.mask.view(),
+                                                         params, 8, &points, nullptr);
+      EXPECT_EQ(WorstDifference(fast.filtered, slow.filtered), 0.0)
           << c.cell << ": " << c.columns << " x " << c.rows;
+      EXPECT_EQ(fast.points.values, slow.points.values) << c.cell << ": " << c.columns << " x " << c.rows;
     });
   }
 }
@@ -153,9 +158,8 @@ TEST(ManifoldFilter, SplatsPointsWithSignalsAsItsOracleDoes) {
   const ManifoldInput input = MakeManifoldInput(75, 50, 7, true, 17);
   for (const size_t samples : {size_t{1}, size_t{3}}) {
     SlicePoints points = MakePoints(input, samples, 4);
-    points.pixels.push_back(points.pixels.back());  // a pixel may occur repeatedly
-    const auto last = static_cast<std::ptrdiff_t>(4 * samples);
-    const std::vector<float> repeated(points.features.end() - last, points.features.end());
+    points.pixels.push_back(points.pixels.front());  // in any order
+    const std::vector<float> repeated(points.features.end() - 4, points.features.end());
     points.features.insert(points.features.end(), repeated.begin(), repeated.end());
     const Planes before = Filtered(input, {.height = 3});
     AddSignals(3, &points);
@@ -179,13 +183,13 @@ TEST(ManifoldFilter, FindsNothingForAPointFarFromAllManifolds) {
   const ManifoldResult result =
       ManifoldFilterAtPoints(input.signals, input.features, input.mask.view(), {}, 16, &points, nullptr);
   size_t lost = 0;
-  for (size_t pixel = 0; pixel < points.pixels.size(); ++pixel) {
-    const auto [x, y] = points.pixels[pixel];
+  for (size_t i = 1; i < points.pixels.size(); i += 4) {
+    const auto [x, y] = points.pixels[i];
     if ((x + y) % 5 != 0) continue;
     ++lost;
-    EXPECT_EQ(result.points.weights[pixel * 4 + 1], 0.0f);
-    for (size_t c = 0; c < 3; ++c) EXPECT_EQ(result.points.values[(pixel * 3 + c) * 4 + 1], 0.0f);
-    EXPECT_GT(result.points.weights[pixel * 4 + 2], 0.0f);
+    EXPECT_EQ(result.points.weights[i], 0.0f);
+    for (size_t c = 0; c < 3; ++c) EXPECT_EQ(result.points.values[3 * i + c], 0.0f);
+    EXPECT_GT(result.points.weights[i + 1], 0.0f);
   }
   EXPECT_GT(lost, 10u);
 }

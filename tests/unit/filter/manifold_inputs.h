@@ -37,19 +37,18 @@ inline ManifoldInput MakeManifoldInput(int width, int height, size_t dimensions,
   return input;
 }
 
-/// Points in every seventh pixel, near its own features or far from them all.
+/// `samples` points in every seventh pixel, near its own features or far from them all.
 inline SlicePoints MakePoints(const ManifoldInput& input, size_t samples, size_t own_features) {
   std::mt19937 random(21);
   std::normal_distribution<float> normal(0.0f, 0.7f);
   SlicePoints points;
-  points.samples = samples;
   points.own_features = own_features;
   const size_t shared = input.features.size() - own_features;
   for (int y = 0; y < input.mask.height(); ++y) {
     for (int x = y % 7; x < input.mask.width(); x += 7) {
-      points.pixels.push_back({x, y});
-      for (size_t k = 0; k < own_features; ++k) {
-        for (size_t j = 0; j < samples; ++j) {
+      for (size_t j = 0; j < samples; ++j) {
+        points.pixels.push_back({x, y});
+        for (size_t k = 0; k < own_features; ++k) {
           const float far = (x + y) % 5 == 0 && j == 1 ? 300.0f : 0.0f;
           points.features.push_back(input.features[shared + k].At(x, y) + far + normal(random));
         }
@@ -63,7 +62,7 @@ inline SlicePoints MakePoints(const ManifoldInput& input, size_t samples, size_t
 inline void AddSignals(size_t channels, SlicePoints* points) {
   std::mt19937 random(22);
   std::normal_distribution<float> normal(2.0f, 0.5f);
-  const size_t count = points->pixels.size() * points->samples;
+  const size_t count = points->pixels.size();
   for (size_t i = 0; i < count * channels; ++i) points->signals.push_back(normal(random));
   for (size_t i = 0; i < count; ++i) points->weights.push_back(static_cast<float>(i % 3) * 0.5f);
 }

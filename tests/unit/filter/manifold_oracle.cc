@@ -106,8 +106,7 @@ void RunInCpp::Run(const char* kernel, size_t items, std::initializer_list<Argum
                         LUMIFOLD_CALL(Axis) || LUMIFOLD_CALL(Weigh) || LUMIFOLD_CALL(KeepMass) ||
                         LUMIFOLD_CALL(Splat) || LUMIFOLD_CALL(Moments) || LUMIFOLD_CALL(Links) ||
                         LUMIFOLD_CALL(GuidedRows) || LUMIFOLD_CALL(GuidedColumns) || LUMIFOLD_CALL(Slice) ||
-                        LUMIFOLD_CALL(WeighPoints) || LUMIFOLD_CALL(SplatPoints) ||
-                        LUMIFOLD_CALL(SliceAtPoints) || LUMIFOLD_CALL(Probe);
+                        LUMIFOLD_CALL(Probe);
 #undef LUMIFOLD_CALL
   LUMIFOLD_CHECK(is_known);
 }

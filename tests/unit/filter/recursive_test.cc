@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "filter/manifold/lattice.h"
+#include "filter/manifold/sites.h"
 
 namespace lumifold::filter {
 namespace {
@@ -71,18 +72,30 @@ TEST(Lattice, CutsTheLastCells) {
   EXPECT_EQ(lattice.RowHeight(1), 3);
 }
 
-TEST(Lattice, OrdersRowsByPhaseAndBack) {
+TEST(Sites, OrderRowsByPhaseAndBackAndPointsBelowThemByRow) {
+  SlicePoints points;  // more of row 1 than fit a row of sites
+  for (int i = 0; i < 200; ++i) points.pixels.push_back({i % 37, i % 2});
   for (const int step : {1, 2, 4}) {
     const Lattice lattice(37, 2, step);
+    const Sites sites(lattice, &points);
     Plane plane(37, 2);
     for (int x = 0; x < 37; ++x) plane.At(x, 1) = static_cast<float>(x + 1);
-    const Plane by_phase = ByPhase(plane.view(), lattice, nullptr);
-    float sum = 0;  // what no pixel has is 0
-    for (int i = 0; i < lattice.PhasedWidth(); ++i) sum += by_phase.At(i, 1);
-    EXPECT_EQ(sum, 37 * 38 / 2) << step;
-    for (int x = 0; x < 37; ++x) EXPECT_EQ(by_phase.At(lattice.Place(x), 1), plane.At(x, 1)) << step;
-    const Plane back = InOrder(by_phase, lattice, nullptr);
+    const auto number = [](size_t i) { return static_cast<float>(i + 1); };
+    Plane of_sites = sites.PlaneOf(plane.view(), number, nullptr);
+    float sum = 0;  // what no site has is 0
+    for (int y = 0; y < sites.Rows(); ++y) {
+      for (int i = 0; i < sites.Width(); ++i) sum += of_sites.At(i, y);
+    }
+    EXPECT_EQ(sum, 37 * 38 / 2 + 200 * 201 / 2) << step;
+    for (int x = 0; x < 37; ++x) EXPECT_EQ(of_sites.At(lattice.Place(x), 1), plane.At(x, 1)) << step;
+    const Plane back = InOrder(of_sites, lattice, nullptr);
     for (int x = 0; x < 37; ++x) EXPECT_EQ(back.At(x, 1), plane.At(x, 1)) << step;
+    size_t next = 1;  // odd points are of row 1
+    for (const PointRun& run : sites.RunsOf(1, 0)) {
+      for (int i = 0; i < run.count; ++i, next += 2)
+        EXPECT_EQ(of_sites.At(run.x + i, run.row), number(next)) << step;
+    }
+    EXPECT_EQ(next, 201u);
   }
 }
 

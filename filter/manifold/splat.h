@@ -14,8 +14,8 @@ namespace lumifold::filter {
 /// Source:  Gastal & Oliveira 2012, splatting, Eq. (3), with box means onto cells.
 class StripSplat {
  public:
-  /// `weights`: of the sites, for each manifold. `splats`: for each manifold, per cell: sum of mask * w * f of each
-  /// signal, and of mask * w, over the cell's area.
+  /// `weights`: of the sites, for each manifold. `splats`: for each manifold, per cell: sum of mask * w * f of
+  /// each signal, and of mask * w, over the cell's area.
   StripSplat(const Planes& signals, const Plane& mask, const Planes& weights, const Lattice& lattice,
              const Sites& sites, std::vector<Planes>* splats);
 

@@ -9,8 +9,8 @@
 
 namespace lumifold::filter {
 
-/// Which clusters the pixels belong to, from level to level of the tree, and what the weights of sites sum to.
-/// Planes are of sites here and below.
+/// Which clusters the pixels belong to, from level to level of the tree, and what the weights of sites sum
+/// to. Planes are of sites here and below.
 struct Clusters {
   Clusters(const Plane& mask, TaskPool* pool);
 

@@ -23,14 +23,12 @@ class ManifoldRun {
  public:
   ManifoldRun(const ManifoldCall& call, KernelRun* run)
       : call_(call),
-        points_(PointsOf(call)),
         run_(*run),
         options_(KernelsOf(call)),
         lattice_(call.mask.width(), call.mask.height(), options_.step),
         grid_{lattice_.width, lattice_.height, lattice_.Columns(), lattice_.Rows(),
               Int(PointsOf(call).pixels.size())},
         pixels_(static_cast<size_t>(grid_.width) * static_cast<size_t>(grid_.height)),
-        sites_(pixels_ + static_cast<size_t>(grid_.points)),
         cells_(static_cast<size_t>(grid_.columns) * static_cast<size_t>(grid_.rows)),
         manifolds_((int32_t{1} << call.params.height) - 1) {}
 
@@ -51,6 +49,8 @@ class ManifoldRun {
     static const SlicePoints none;
     return call.points != nullptr ? *call.points : none;
   }
+  const SlicePoints& Points() const { return PointsOf(call_); }
+  size_t Sites() const { return pixels_ + static_cast<size_t>(grid_.points); }
   float InCells(float sigma) const { return sigma / static_cast<float>(lattice_.step); }
 
   Buffer Floats(size_t count) { return run_.Allocate(count * sizeof(float)); }
@@ -63,17 +63,17 @@ class ManifoldRun {
   /// Planes of sites: those of pixels, and value(k, i) for plane k of point i.
   template <typename Value>
   Buffer Upload(const std::vector<Plane>& planes, const Value& value) {
-    const Buffer buffer = Floats(planes.size() * sites_);
+    const Buffer buffer = Floats(planes.size() * Sites());
     for (size_t k = 0; k < planes.size(); ++k) {
       std::vector<float> values = Packed(planes[k].view());
-      for (size_t i = 0; i < points_.pixels.size(); ++i) values.push_back(value(k, i));
-      run_.Write(buffer, k * sites_ * sizeof(float), values.data(), sites_ * sizeof(float));
+      for (size_t i = 0; i < Points().pixels.size(); ++i) values.push_back(value(k, i));
+      run_.Write(buffer, k * Sites() * sizeof(float), values.data(), Sites() * sizeof(float));
     }
     return buffer;
   }
   std::vector<float> Packed(ConstFloatView plane) const {
     std::vector<float> values;
-    values.reserve(sites_);
+    values.reserve(Sites());
     for (int y = 0; y < plane.height(); ++y)
       values.insert(values.end(), plane.Row(y), plane.Row(y) + plane.width());
     return values;
@@ -96,13 +96,11 @@ class ManifoldRun {
   absl::StatusOr<ManifoldResult> Results();
 
   const ManifoldCall& call_;
-  const SlicePoints& points_;
   KernelRun& run_;
   const KernelOptions options_;
   const Lattice lattice_;
   const Grid grid_;
   const size_t pixels_;
-  const size_t sites_;
   const size_t cells_;
   const int32_t manifolds_;
   Buffer places_ = {}, signals_ = {}, features_ = {};
@@ -112,17 +110,17 @@ class ManifoldRun {
 
 void ManifoldRun::UploadSites() {
   std::vector<int32_t> places;
-  for (const auto& [x, y] : points_.pixels) places.insert(places.end(), {x, y});
+  for (const auto& [x, y] : Points().pixels) places.insert(places.end(), {x, y});
   places_ = Upload(places);
   const size_t channels = call_.signals.size();
   signals_ = Upload(call_.signals, [&](size_t c, size_t i) {
-    return points_.signals.empty() ? 0.0f : points_.signals[i * channels + c];
+    return Points().signals.empty() ? 0.0f : Points().signals[i * channels + c];
   });
-  const size_t own = points_.own_features;
+  const size_t own = Points().own_features;
   features_ = Upload(call_.features, [&](size_t k, size_t i) {
     const size_t shared = Features() - own;
-    const auto [x, y] = points_.pixels[i];
-    return k < shared ? call_.features[k].At(x, y) : points_.features[i * own + (k - shared)];
+    const auto [x, y] = Points().pixels[i];
+    return k < shared ? call_.features[k].At(x, y) : Points().features[i * own + (k - shared)];
   });
 }
 
@@ -141,8 +139,8 @@ void ManifoldRun::GrowTree() {
   const size_t most_clusters = size_t{1} << (call_.params.height - 1);
   const size_t most_sums = most_clusters * cells_ * (Features() + 1);
   tree_ = {.eta = Floats(static_cast<size_t>(manifolds_) * cells_ * Features()),
-           .weights = Floats(static_cast<size_t>(manifolds_) * sites_),
-           .total = Upload(std::vector<float>(sites_)),
+           .weights = Floats(static_cast<size_t>(manifolds_) * Sites()),
+           .total = Upload(std::vector<float>(Sites())),
            .sums = Floats(most_sums),
            .axes = Floats(most_clusters * Features())};
   const Buffer members = Upload(Packed(call_.mask));
@@ -163,34 +161,34 @@ void ManifoldRun::GrowTree() {
     run_.Run("Heights", images * cells_, {grid_, count, first, parent, low, tree_.eta});
     if (splits != 0) FindAxes(count, first);
     run_.Run(
-        "Weigh", sites_,
-        {grid_, count, first, splits, Int(Features() - points_.own_features), points_.pixel_divisor, places_,
-         features_, tree_.eta, tree_.axes, members, labels, tree_.total, tree_.weights, masses});
+        "Weigh", Sites(),
+        {grid_, count, first, splits, Int(Features() - Points().own_features), Points().pixel_divisor,
+         places_, features_, tree_.eta, tree_.axes, members, labels, tree_.total, tree_.weights, masses});
   }
 }
 
 Buffer ManifoldRun::SplatMasks() {
   std::vector<float> masks = Packed(call_.mask);
-  masks.resize(sites_, 0.0f);
-  for (size_t i = 0; !points_.signals.empty() && i < points_.weights.size(); ++i) {
-    masks[pixels_ + i] = points_.weights[i];
-    const auto [x, y] = points_.pixels[i];
-    if (points_.weights[i] > 0)  // the pixel's points stand for it
+  masks.resize(Sites(), 0.0f);
+  for (size_t i = 0; !Points().signals.empty() && i < Points().weights.size(); ++i) {
+    masks[pixels_ + i] = Points().weights[i];
+    const auto [x, y] = Points().pixels[i];
+    if (Points().weights[i] > 0)  // the pixel's points stand for it
       masks[static_cast<size_t>(y) * static_cast<size_t>(grid_.width) + static_cast<size_t>(x)] = 0;
   }
   const Buffer buffer = Upload(masks);
-  if (call_.params.keeps_mass) run_.Run("KeepMass", sites_, {grid_, tree_.total, buffer});
+  if (call_.params.keeps_mass) run_.Run("KeepMass", Sites(), {grid_, tree_.total, buffer});
   return buffer;
 }
 
 void ManifoldRun::Splat(Buffer masks) {
   std::vector<std::vector<int32_t>> by_cell(cells_);
-  std::vector<size_t> by_row(points_.pixels.size());
+  std::vector<size_t> by_row(Points().pixels.size());
   std::iota(by_row.begin(), by_row.end(), size_t{0});
   std::stable_sort(by_row.begin(), by_row.end(),
-                   [&](size_t i, size_t j) { return points_.pixels[i][1] < points_.pixels[j][1]; });
+                   [&](size_t i, size_t j) { return Points().pixels[i][1] < Points().pixels[j][1]; });
   for (const size_t i : by_row) {
-    const auto [x, y] = points_.pixels[i];
+    const auto [x, y] = Points().pixels[i];
     by_cell[static_cast<size_t>(y / lattice_.step) * static_cast<size_t>(grid_.columns) +
             static_cast<size_t>(x / lattice_.step)]
         .push_back(Int(i));
@@ -209,7 +207,7 @@ void ManifoldRun::SplatBlurSlice(Buffer masks) {
   const auto manifolds = static_cast<size_t>(manifolds_);
   const size_t all_cells = manifolds * cells_;
   psi_ = Floats(all_cells * Planes());
-  result_ = Floats(sites_ * static_cast<size_t>(options_.channels));
+  result_ = Floats(Sites() * static_cast<size_t>(options_.channels));
   found_ = Floats(static_cast<size_t>(grid_.points));
   Splat(masks);
   if (options_.fits) run_.Run("Moments", all_cells, {grid_, manifolds_, psi_});
@@ -222,7 +220,7 @@ void ManifoldRun::SplatBlurSlice(Buffer masks) {
            {grid_, manifolds_, across, psi_});
   run_.Run("GuidedColumns", manifolds * static_cast<size_t>(grid_.columns) * Planes(),
            {grid_, manifolds_, down, psi_});
-  run_.Run("Slice", sites_,
+  run_.Run("Slice", Sites(),
            {grid_, manifolds_, call_.reach, call_.params.slope_ridge, places_, signals_, tree_.weights, psi_,
             result_, found_});
 }
@@ -232,9 +230,9 @@ absl::StatusOr<ManifoldResult> ManifoldRun::Results() {
   ManifoldResult result{MakeUninitializedPlanes(channels, grid_.width, grid_.height), {}};
   const auto count = static_cast<size_t>(grid_.points);
   result.points = {std::vector<float>(count * channels), std::vector<float>(count)};
-  std::vector<float> values(sites_);
+  std::vector<float> values(Sites());
   for (size_t c = 0; c < channels; ++c) {
-    const size_t bytes = sites_ * sizeof(float);
+    const size_t bytes = Sites() * sizeof(float);
     if (absl::Status status = run_.Read(result_, c * bytes, bytes, values.data()); !status.ok())
       return status;
     const auto width = static_cast<size_t>(grid_.width);

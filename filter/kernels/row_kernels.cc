@@ -39,103 +39,163 @@ HWY_INLINE Float Widen(const CellsAt& cells, float part) {
   return hn::Add(cells.value, hn::Mul(hn::Set(Floats(), part), cells.slope));
 }
 
+/// Phases whose pixels are summed before they are added to a cell's sum.
+constexpr size_t kPhasesTogether = 4;
+
+/// The sum of n vectors, as pairs.
+template <size_t n>
+HWY_INLINE Float SumOf(const Float* values) {
+  if constexpr (n == 4)
+    return hn::Add(hn::Add(values[0], values[1]), hn::Add(values[2], values[3]));
+  else if constexpr (n == 2)
+    return hn::Add(values[0], values[1]);
+  else
+    return values[0];
+}
+
+/// A vector of cells, from `cell` on, in n phases from `phase` on.
+template <size_t n>
+struct PixelsOf {
+  std::ptrdiff_t At(size_t i) const { return (phase + static_cast<std::ptrdiff_t>(i)) * stride + cell; }
+  std::ptrdiff_t stride;  // from one phase to the next
+  int phase;
+  int cell;
+};
+
 /// Whether any of the pixels belongs to the cluster.
-HWY_INLINE bool HasMembers(const SplitArgs& split, std::ptrdiff_t x) {
+template <size_t n>
+HWY_INLINE bool HasMembers(const SplitArgs& split, const PixelsOf<n>& pixels) {
   const Floats d;
-  return !hn::AllFalse(d, hn::Eq(hn::LoadU(d, split.labels + x), hn::Set(d, split.cluster)));
+  bool found = false;
+  for (size_t i = 0; i < n; ++i)
+    found |= !hn::AllFalse(d, hn::Eq(hn::LoadU(d, split.labels + pixels.At(i)), hn::Set(d, split.cluster)));
+  return found;
 }
 
-/// `x`: of the pixels in their rows, `at`: in strips.
-HWY_INLINE void SplitCluster(const WeighArgs& args, const SplitArgs& split, Float weight, Float along,
-                             std::ptrdiff_t x, std::ptrdiff_t at) {
+template <size_t n>
+HWY_INLINE void SplitCluster(const WeighArgs& args, const SplitArgs& split, const PixelsOf<n>& pixels,
+                             const Float* weights, const Float* alongs) {
   const Floats d;
-  const auto is_own = hn::Eq(hn::LoadU(d, split.labels + x), hn::Set(d, split.cluster));
-  const Float before = hn::LoadU(d, split.members + x);
-  const Float fade = hn::Min(hn::Set(d, 1.0f), hn::Mul(hn::Abs(along), hn::Set(d, 1.0f / kSeam)));
-  const Float member = hn::Mul(before, fade);
-  const auto is_far = hn::Ge(along, hn::Zero(d));
-  const Float child = hn::Add(hn::Set(d, 2 * split.cluster), hn::IfThenElseZero(is_far, hn::Set(d, 1.0f)));
-  hn::StoreU(hn::IfThenElse(is_own, member, before), d, split.members + x);
-  hn::StoreU(hn::IfThenElse(is_own, child, hn::LoadU(d, split.next_labels + x)), d, split.next_labels + x);
-  const Float mass = hn::IfThenElseZero(is_own, hn::Mul(member, hn::Sub(hn::Set(d, 1.0f), weight)));
-  const Float far_mass = hn::IfThenElseZero(is_far, mass);
-  const Float near_mass = hn::IfThenZeroElse(is_far, mass);
-  for (size_t k = 0; k < args.dimensions; ++k) {
-    const Float feature = hn::LoadU(d, args.features[k] + x);
-    AddTo(split.near_sums[k] + at, hn::Mul(near_mass, feature));
-    AddTo(split.far_sums[k] + at, hn::Mul(far_mass, feature));
+  Float near_masses[n], far_masses[n];
+  for (size_t i = 0; i < n; ++i) {
+    const std::ptrdiff_t x = pixels.At(i);
+    const auto is_own = hn::Eq(hn::LoadU(d, split.labels + x), hn::Set(d, split.cluster));
+    const Float before = hn::LoadU(d, split.members + x);
+    const Float fade = hn::Min(hn::Set(d, 1.0f), hn::Mul(hn::Abs(alongs[i]), hn::Set(d, 1.0f / kSeam)));
+    const Float member = hn::Mul(before, fade);
+    const auto is_far = hn::Ge(alongs[i], hn::Zero(d));
+    const Float child = hn::Add(hn::Set(d, 2 * split.cluster), hn::IfThenElseZero(is_far, hn::Set(d, 1.0f)));
+    hn::StoreU(hn::IfThenElse(is_own, member, before), d, split.members + x);
+    hn::StoreU(hn::IfThenElse(is_own, child, hn::LoadU(d, split.next_labels + x)), d, split.next_labels + x);
+    const Float mass = hn::IfThenElseZero(is_own, hn::Mul(member, hn::Sub(hn::Set(d, 1.0f), weights[i])));
+    far_masses[i] = hn::IfThenElseZero(is_far, mass);
+    near_masses[i] = hn::IfThenZeroElse(is_far, mass);
   }
-  AddTo(split.near_sums[args.dimensions] + at, near_mass);
-  AddTo(split.far_sums[args.dimensions] + at, far_mass);
+  for (size_t k = 0; k < args.dimensions; ++k) {
+    Float near_sums[n], far_sums[n];
+    for (size_t i = 0; i < n; ++i) {
+      const Float feature = hn::LoadU(d, args.features[k] + pixels.At(i));
+      near_sums[i] = hn::Mul(near_masses[i], feature);
+      far_sums[i] = hn::Mul(far_masses[i], feature);
+    }
+    AddTo(split.near_sums[k] + pixels.cell, SumOf<n>(near_sums));
+    AddTo(split.far_sums[k] + pixels.cell, SumOf<n>(far_sums));
+  }
+  AddTo(split.near_sums[args.dimensions] + pixels.cell, SumOf<n>(near_masses));
+  AddTo(split.far_sums[args.dimensions] + pixels.cell, SumOf<n>(far_masses));
 }
 
-/// A vector of cells in n phases from `phase` on, all of one side.
+/// The phases are all of one side.
 template <size_t n, bool kSplits>
-HWY_INLINE bool WeighPhases(const Phases& phases, const WeighArgs& args, const SplitArgs* split, int phase,
-                            int c) {
+HWY_INLINE void WeighPhases(const Phases& phases, const WeighArgs& args, const SplitArgs* split,
+                            const PixelsOf<n>& pixels, Float* weights, Float* alongs) {
   const Floats d;
-  const std::ptrdiff_t x = phase * args.phase_stride + c;
-  const auto pixel = [&](size_t i)
-                         HWY_ATTR { return x + static_cast<std::ptrdiff_t>(i) * args.phase_stride; };
-  const float* eta = args.eta + c + phases.Side(phase);
-  const float* part = phases.part.data() + phase;
-  Float squares[n], alongs[n];
+  const float* eta = args.eta + pixels.cell + phases.Side(pixels.phase);
+  const float* part = phases.part.data() + pixels.phase;
+  Float squares[n];
   for (size_t i = 0; i < n; ++i) squares[i] = alongs[i] = hn::Zero(d);
   for (size_t k = 0; k < args.dimensions; ++k, eta += args.eta_stride) {
     const CellsAt cells = ReadCells(eta);
     for (size_t i = 0; i < n; ++i) {
-      const Float offset = hn::Sub(hn::LoadU(d, args.features[k] + pixel(i)), Widen(cells, part[i]));
+      const Float offset = hn::Sub(hn::LoadU(d, args.features[k] + pixels.At(i)), Widen(cells, part[i]));
       squares[i] = hn::Add(squares[i], hn::Mul(offset, offset));
       if (kSplits) alongs[i] = hn::Add(alongs[i], hn::Mul(hn::Set(d, split->axis[k]), offset));
     }
   }
-  bool found = false;
   for (size_t i = 0; i < n; ++i) {
     const auto is_near = hn::Lt(squares[i], hn::Set(d, kFarthest));
-    Float weight = hn::Zero(d);
+    weights[i] = hn::Zero(d);
     if (!hn::AllFalse(d, is_near)) {
-      weight = hn::IfThenElseZero(is_near, ExpOfNegative(hn::Neg(squares[i])));
-      AddTo(args.total + pixel(i), weight);
+      weights[i] = hn::IfThenElseZero(is_near, ExpOfNegative(hn::Neg(squares[i])));
+      AddTo(args.total + pixels.At(i), weights[i]);
     }
-    hn::StoreU(weight, d, args.weight + pixel(i));
-    if (!kSplits || !HasMembers(*split, pixel(i))) continue;
-    found = true;
-    SplitCluster(args, *split, weight, alongs[i], pixel(i),
-                 (phase + static_cast<std::ptrdiff_t>(i)) * split->sum_stride + c);
+    hn::StoreU(weights[i], d, args.weight + pixels.At(i));
   }
-  return found;
 }
 
 template <size_t n, bool kSplits>
 HWY_INLINE bool WeighStrip(const Phases& phases, const WeighArgs& args, const SplitArgs* split) {
+  constexpr size_t kOfOneSide = n == 4 ? 2 : 1;
   bool found = false;
   for (int phase = 0; phase < phases.step; phase += static_cast<int>(n)) {
-    for (int c = 0; c < args.count; c += static_cast<int>(hn::Lanes(Floats())))
-      found |= WeighPhases<n, kSplits>(phases, args, split, phase, c);
+    for (int c = 0; c < args.count; c += static_cast<int>(hn::Lanes(Floats()))) {
+      Float weights[n], alongs[n];
+      for (size_t i = 0; i < n; i += kOfOneSide) {
+        const PixelsOf<kOfOneSide> of_side = {args.phase_stride, phase + static_cast<int>(i), c};
+        WeighPhases<kOfOneSide, kSplits>(phases, args, split, of_side, weights + i, alongs + i);
+      }
+      const PixelsOf<n> pixels = {args.phase_stride, phase, c};
+      if (!kSplits || !HasMembers(*split, pixels)) continue;
+      found = true;
+      SplitCluster(args, *split, pixels, weights, alongs);
+    }
   }
   return found;
+}
+
+template <bool kSplits>
+HWY_INLINE bool WeighAnyStrip(const Phases& phases, const WeighArgs& args, const SplitArgs* split) {
+  if (phases.step >= 4) return WeighStrip<kPhasesTogether, kSplits>(phases, args, split);
+  return phases.step == 2 ? WeighStrip<2, kSplits>(phases, args, split)
+                          : WeighStrip<1, kSplits>(phases, args, split);
 }
 
 HWY_ATTR bool WeighRow(const Phases& phases, const WeighArgs& args, const SplitArgs* split) {
-  const bool has_pairs = phases.step >= 4;  // on each side
-  if (split != nullptr)
-    return has_pairs ? WeighStrip<2, true>(phases, args, split) : WeighStrip<1, true>(phases, args, split);
-  return has_pairs ? WeighStrip<2, false>(phases, args, split) : WeighStrip<1, false>(phases, args, split);
+  return split != nullptr ? WeighAnyStrip<true>(phases, args, split)
+                          : WeighAnyStrip<false>(phases, args, split);
 }
 
-HWY_ATTR bool SplatRow(const SplatArgs& args) {
+template <size_t n>
+HWY_INLINE bool SplatPhases(int step, const SplatArgs& args) {
   const Floats d;
   bool found = false;
-  for (int x = 0; x < args.count; x += static_cast<int>(hn::Lanes(d))) {
-    const Float weight = hn::LoadU(d, args.weight + x);
-    if (hn::AllTrue(d, hn::Eq(weight, hn::Zero(d)))) continue;  // most pixels are far from most manifolds
-    found = true;
-    const Float mass = hn::Mul(hn::LoadU(d, args.mask + x), weight);
-    for (size_t c = 0; c < args.signal_count; ++c)
-      AddTo(args.sums[c] + x, hn::Mul(mass, hn::LoadU(d, args.signals[c] + x)));
-    AddTo(args.sums[args.signal_count] + x, mass);
+  for (int phase = 0; phase < step; phase += static_cast<int>(n)) {
+    for (int c = 0; c < args.count; c += static_cast<int>(hn::Lanes(d))) {
+      const PixelsOf<n> pixels = {args.phase_stride, phase, c};
+      Float masses[n];
+      Float any = hn::Zero(d);
+      for (size_t i = 0; i < n; ++i) {
+        masses[i] = hn::LoadU(d, args.weight + pixels.At(i));
+        any = hn::Or(any, masses[i]);
+      }
+      if (hn::AllTrue(d, hn::Eq(any, hn::Zero(d)))) continue;  // most pixels are far from most manifolds
+      found = true;
+      for (size_t i = 0; i < n; ++i) masses[i] = hn::Mul(hn::LoadU(d, args.mask + pixels.At(i)), masses[i]);
+      for (size_t k = 0; k < args.signal_count; ++k) {
+        Float sums[n];
+        for (size_t i = 0; i < n; ++i)
+          sums[i] = hn::Mul(masses[i], hn::LoadU(d, args.signals[k] + pixels.At(i)));
+        AddTo(args.sums[k] + c, SumOf<n>(sums));
+      }
+      AddTo(args.sums[args.signal_count] + c, SumOf<n>(masses));
+    }
   }
   return found;
+}
+
+HWY_ATTR bool SplatRow(int step, const SplatArgs& args) {
+  if (step >= 4) return SplatPhases<kPhasesTogether>(step, args);
+  return step == 2 ? SplatPhases<2>(step, args) : SplatPhases<1>(step, args);
 }
 
 /// Rows of cells at a vector of points.
@@ -248,42 +308,6 @@ HWY_INLINE void SlicePhases(const Phases& phases, const SliceArgs& args) {
 
 HWY_ATTR void SliceRow(const Phases& phases, const SliceArgs& args) {
   return phases.step >= 4 ? SlicePhases<2>(phases, args) : SlicePhases<1>(phases, args);
-}
-
-HWY_ATTR void SumFourPhases(float* sums, std::ptrdiff_t stride, float scale, int count,
-                            float* HWY_RESTRICT means) {
-  float* HWY_RESTRICT first = sums;
-  float* HWY_RESTRICT second = sums + stride;
-  float* HWY_RESTRICT third = sums + 2 * stride;
-  float* HWY_RESTRICT fourth = sums + 3 * stride;
-  for (int c = 0; c < count; ++c) {
-    means[c] = scale * ((first[c] + second[c]) + (third[c] + fourth[c]));
-    first[c] = second[c] = third[c] = fourth[c] = 0;
-  }
-}
-
-HWY_ATTR void SumTwoPhases(float* sums, std::ptrdiff_t stride, float scale, int count,
-                           float* HWY_RESTRICT means) {
-  float* HWY_RESTRICT first = sums;
-  float* HWY_RESTRICT second = sums + stride;
-  for (int c = 0; c < count; ++c) {
-    means[c] = scale * (first[c] + second[c]);
-    first[c] = second[c] = 0;
-  }
-}
-
-HWY_ATTR void SumPhases(float* sums, std::ptrdiff_t stride, int step, float scale, int count, float* means) {
-  for (; step > 4; step /= 2) {
-    for (int j = 0; j < step / 2; ++j) {
-      for (int c = 0; c < count; ++c)
-        sums[j * stride + c] = sums[2 * j * stride + c] + sums[(2 * j + 1) * stride + c];
-    }
-    for (int j = step / 2; j < step; ++j) std::fill_n(sums + j * stride, count, 0.0f);
-  }
-  if (step == 4) return SumFourPhases(sums, stride, scale, count, means);
-  if (step == 2) return SumTwoPhases(sums, stride, scale, count, means);
-  for (int c = 0; c < count; ++c) means[c] = scale * sums[c];
-  std::fill_n(sums, count, 0.0f);
 }
 
 HWY_INLINE void BlendRow(const float* upper, const float* lower, float fraction, int begin, int end,
@@ -423,7 +447,6 @@ HWY_EXPORT(SplatRow);
 HWY_EXPORT(SliceRow);
 HWY_EXPORT(WeighPoints);
 HWY_EXPORT(SliceAtPoints);
-HWY_EXPORT(SumPhases);
 HWY_EXPORT(BlendCells);
 HWY_EXPORT(AddProductRow);
 HWY_EXPORT(QuotientRow);
@@ -457,8 +480,8 @@ bool SplatPoints(const PointCells& cells, const SplatArgs& args) {
     const float mass = args.mask[i] * args.weight[i];
     if (mass == 0) continue;
     found = true;
-    for (size_t c = 0; c < args.signal_count; ++c) args.sums[c][cells.sum[i]] += mass * args.signals[c][i];
-    args.sums[args.signal_count][cells.sum[i]] += mass;
+    for (size_t c = 0; c < args.signal_count; ++c) args.sums[c][cells.own[i]] += mass * args.signals[c][i];
+    args.sums[args.signal_count][cells.own[i]] += mass;
   }
   return found;
 }
@@ -466,16 +489,13 @@ bool SplatPoints(const PointCells& cells, const SplatArgs& args) {
 bool WeighRow(const Phases& phases, const WeighArgs& args, const SplitArgs* split) {
   return HWY_DYNAMIC_DISPATCH(WeighRow)(phases, args, split);
 }
-bool SplatRow(const SplatArgs& args) { return HWY_DYNAMIC_DISPATCH(SplatRow)(args); }
+bool SplatRow(int step, const SplatArgs& args) { return HWY_DYNAMIC_DISPATCH(SplatRow)(step, args); }
 void SliceRow(const Phases& phases, const SliceArgs& args) { HWY_DYNAMIC_DISPATCH(SliceRow)(phases, args); }
 void WeighPoints(const PointCells& cells, const WeighArgs& args, size_t shared, float divisor) {
   HWY_DYNAMIC_DISPATCH(WeighPoints)(cells, args, shared, divisor);
 }
 void SliceAtPoints(const PointCells& cells, const SliceArgs& args) {
   HWY_DYNAMIC_DISPATCH(SliceAtPoints)(cells, args);
-}
-void SumPhases(float* sums, std::ptrdiff_t stride, int step, float scale, int count, float* means) {
-  HWY_DYNAMIC_DISPATCH(SumPhases)(sums, stride, step, scale, count, means);
 }
 void BlendCells(const BlendArgs& args) { HWY_DYNAMIC_DISPATCH(BlendCells)(args); }
 void AddProductRow(const float* a, const float* b, int count, float* sums) {

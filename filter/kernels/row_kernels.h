@@ -8,9 +8,10 @@ namespace lumifold::filter {
 
 // The inner loops of the filter, over one strip of one row of pixels or cells. They run with the widest
 // vectors of the processor, chosen at run time, and give the same bits with any width: no multiply-add is
-// fused, and no order of summation depends on the width. Each is equal to the last bit to an oracle of the
-// tests, of the same signature. Strips begin at a multiple of kStripColumns; rows may be read and written up
-// to the next multiple of kRowPadding floats, as Plane allows. All are safe to run concurrently.
+// fused, and no order of summation depends on the width. A cell's pixels are added row by row, in a row four
+// by four, and four as two pairs. Each kernel is equal to the last bit to an oracle of the tests. Strips
+// begin at a multiple of kStripColumns; rows may be read and written up to the next multiple of kRowPadding
+// floats, as Plane allows. All are safe to run concurrently.
 
 /// Greatest number of columns of pixels that one call works on: its sums stay in the cache, yet rows of cells
 /// are long enough for hardware prefetching. A multiple of every cell's side.
@@ -64,22 +65,22 @@ struct SplitArgs {
   const float* axis;  // d
   float cluster;      // label of the manifold's own pixels
   const float* labels;
-  float* members;             // membership of each pixel in its cluster: lowered near the split
-  float* next_labels;         // out, own pixels only: 2 * cluster, + 1 on the axis' side
-  float* const* near_sums;    // d + 1 strips of cluster 2 * cluster: += member * (1 - weight) * feature, and
-                              // without feature
-  float* const* far_sums;     // the same of cluster 2 * cluster + 1
-  std::ptrdiff_t sum_stride;  // from one phase of a strip to the next
+  float* members;           // membership of each pixel in its cluster: lowered near the split
+  float* next_labels;       // out, own pixels only: 2 * cluster, + 1 on the axis' side
+  float* const* near_sums;  // d + 1 strips of cluster 2 * cluster: += member * (1 - weight) * feature, and
+                            // without feature
+  float* const* far_sums;   // the same of cluster 2 * cluster + 1
 };
 
-/// Pixels of one phase, or points, on one manifold.
+/// A row of pixels, or points, on one manifold.
 struct SplatArgs {
   const float* const* signals;  // C rows
   size_t signal_count;
   const float* mask;
   const float* weight;
-  float* const* sums;  // C + 1 strips: += mask * weight * signal, and of mask * weight
-  int count;           // of them
+  float* const* sums;           // C + 1 strips: += mask * weight * signal, and of mask * weight
+  std::ptrdiff_t phase_stride;  // of the pixels
+  int count;                    // cells
 };
 
 /// One row of pixels sliced from manifolds.
@@ -95,12 +96,12 @@ struct SliceArgs {
   int count;                    // cells
 };
 
-/// Points of one row of pixels, at any place of a strip. Point i lies `part[i]` of the way from cell `left[i]` of
-/// a row of cells to the next one, and is summed at `sum[i]` of a strip of sums.
+/// Points of one row of pixels, at any place of a strip. Point i lies `part[i]` of the way from cell
+/// `left[i]` of a row of cells to the next one, in cell `own[i]` of the strip.
 struct PointCells {
   const int32_t* left;
   const float* part;
-  const int32_t* sum;
+  const int32_t* own;
   int count;
 };
 
@@ -108,17 +109,15 @@ void BlendCells(const BlendArgs& args);
 /// Whether any pixel belongs to the cluster. `split` may be null: none does.
 bool WeighRow(const Phases& phases, const WeighArgs& args, const SplitArgs* split);
 /// Whether any pixel has weight.
-bool SplatRow(const SplatArgs& args);
+bool SplatRow(int step, const SplatArgs& args);
 void SliceRow(const Phases& phases, const SliceArgs& args);
-/// The same at points: rows of `args` are of points, and its phases and counts of cells do not matter. The squared
-/// distance over the first `shared` features is divided by `divisor`.
+/// The same at points: rows of `args` are of points, and its phases and counts of cells do not matter. The
+/// squared distance over the first `shared` features is divided by `divisor`.
 void WeighPoints(const PointCells& cells, const WeighArgs& args, size_t shared, float divisor);
 bool SplatPoints(const PointCells& cells, const SplatArgs& args);
 void SliceAtPoints(const PointCells& cells, const SliceArgs& args);
 /// sums[x] += a[x] * b[x], rows of pixels.
 void AddProductRow(const float* a, const float* b, int count, float* sums);
-/// means[c] = scale times the sum of a strip's phases at cell c, added pair by pair; the strip becomes 0.
-void SumPhases(float* sums, std::ptrdiff_t stride, int step, float scale, int count, float* means);
 /// sums[x] /= total[x]; instead[x] where the total is below `least`.
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums);
 /// Rows of pixels under a window: `rows` of them, and `row_taps` factors for each, one row's after another's.

@@ -46,13 +46,12 @@ Plane InOrder(const Plane& by_phase, const Lattice& lattice, TaskPool* pool) {
 
 void StoreCellMeans(const Lattice& lattice, int row, int column, int count, float* sums, float* cells) {
   const int rows = lattice.RowHeight(row);
-  const bool are_whole = rows == lattice.step && lattice.ColumnWidth(column + count - 1) == lattice.step;
-  // The area of whole cells is a power of two: its inverse gives the quotient's bits.
-  const float scale = are_whole ? 1.0f / static_cast<float>(lattice.step * rows) : 1.0f;
+  const float area = static_cast<float>(lattice.step * rows);
   float* means = cells + column;
-  SumPhases(sums, lattice.SumStride(), lattice.step, scale, count, means);
-  for (int c = 0; c < count && !are_whole; ++c)
-    means[c] /= static_cast<float>(lattice.ColumnWidth(column + c) * rows);
+  for (int c = 0; c < count; ++c) means[c] = sums[c] / area;
+  const int last = column + count - 1;
+  means[count - 1] = sums[count - 1] / static_cast<float>(lattice.ColumnWidth(last) * rows);
+  std::fill_n(sums, count, 0.0f);
 }
 
 }  // namespace lumifold::filter

@@ -30,17 +30,17 @@ struct Lattice {
   int PhasedWidth() const { return step * PhaseStride(); }
   int Place(int x) const { return x % step * PhaseStride() + x / step; }
 
-  /// Strips of the sums of one row of cells: this many cells, a phase after another.
+  /// Cells of a strip.
   int StripCells() const { return kStripColumns / step; }
-  /// From one phase to the next. Phases a power of two apart would share a few sets of the cache, and drive
+  /// Floats of a strip of sums. Strips a power of two apart would share a few sets of the cache, and drive
   /// each other out.
-  int SumStride() const { return StripCells() + kRowPadding; }
-  size_t SumFloats() const { return static_cast<size_t>(step) * static_cast<size_t>(SumStride()); }
+  size_t SumFloats() const { return static_cast<size_t>(StripCells() + kRowPadding); }
   /// Cells of the strip that begins with cell `column`.
   int CellsFrom(int column) const { return std::min(StripCells(), Columns() - column); }
 };
 
-/// The plane's rows ordered by phase, into the first rows of `by_phase`; 0 where the picture's edge cuts cells.
+/// The plane's rows ordered by phase, into the first rows of `by_phase`; 0 where the picture's edge cuts
+/// cells.
 void PutByPhase(ConstFloatView plane, const Lattice& lattice, TaskPool* pool, Plane* by_phase);
 /// The picture's rows of a plane by phase, in the order of pixels.
 Plane InOrder(const Plane& by_phase, const Lattice& lattice, TaskPool* pool);
@@ -57,7 +57,7 @@ struct CellSpan {
 CellSpan SpanOf(int p, int step, int cells);
 
 /// The means over `count` cells of row `row` from cell `column` on, into `cells`, the row's first cell.
-/// `sums`: a strip of the sums over the rows of pixels; becomes 0.
+/// `sums`: a strip of the cells' sums; becomes 0.
 void StoreCellMeans(const Lattice& lattice, int row, int column, int count, float* sums, float* cells);
 
 }  // namespace lumifold::filter

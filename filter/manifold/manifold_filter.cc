@@ -13,8 +13,8 @@
 #include "filter/manifold/splat.h"
 #include "filter/manifold/weigh.h"
 
-// First the whole tree of manifolds, with the weights of all sites on each; then splat, blur and slice level by
-// level, so that full-resolution planes are read once for each level. Work at full resolution is per site:
+// First the whole tree of manifolds, with the weights of all sites on each; then splat, blur and slice level
+// by level, so that full-resolution planes are read once for each level. Work at full resolution is per site:
 // distance to the manifolds, splat into the site's own cell, slice. All recursion is on cells.
 namespace lumifold::filter {
 namespace {

@@ -62,8 +62,8 @@ struct SlicePoints {
   /// Signals of the points, with which they are splatted in their pixels' cells beside the pixels: channel c
   /// of point i is at [i * C + c]. Empty: points are read only.
   std::vector<float> signals;
-  /// Weights of the points in splats, >= 0, beside the mask of the pixels. A pixel whose points have weight is
-  /// not splatted itself.
+  /// Weights of the points in splats, >= 0, beside the mask of the pixels. A pixel whose points have weight
+  /// is not splatted itself.
   std::vector<float> weights;
 };
 

@@ -38,14 +38,14 @@ void Sites::Append(absl::Span<const size_t> points, absl::Span<const std::array<
     point_rows_ = row - lattice_.height + 1;
     const size_t size = static_cast<size_t>(point_rows_) * static_cast<size_t>(Width());
     left_.resize(size, 0);
-    sum_.resize(size, 0);
+    own_.resize(size, 0);
     part_.resize(size, 0.0f);
     const int phase = pixels[i][0] % lattice_.step;
     const int cell = pixels[i][0] / lattice_.step % lattice_.StripCells();
     const size_t at =
         static_cast<size_t>(row - lattice_.height) * static_cast<size_t>(Width()) + static_cast<size_t>(x);
     left_[at] = cell + phases.Side(phase);
-    sum_[at] = phase * lattice_.SumStride() + cell;
+    own_[at] = cell;
     part_[at] = phases.part[static_cast<size_t>(phase)];
     places_[i] = {row, x++};
   }
@@ -66,7 +66,7 @@ absl::Span<const PointRun> Sites::RunsOf(int y, int column) const {
 
 PointCells Sites::CellsOf(const PointRun& run) const {
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(run.row - lattice_.height) * Width() + run.x;
-  return {left_.data() + first, part_.data() + first, sum_.data() + first, run.count};
+  return {left_.data() + first, part_.data() + first, own_.data() + first, run.count};
 }
 
 }  // namespace lumifold::filter

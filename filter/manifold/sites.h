@@ -21,9 +21,9 @@ struct PointRun {
 };
 
 /// The sites that a filtering reads and splats: the rows of pixels, ordered by phase, and below them rows of
-/// points, ordered by row of pixels and strip. A plane of sites has a value for each; what is done to each site
-/// alone is one loop over all rows. Only the cells are found in two ways: those of pixels follow each other,
-/// those of points are listed.
+/// points, ordered by row of pixels and strip. A plane of sites has a value for each; what is done to each
+/// site alone is one loop over all rows. Only the cells are found in two ways: those of pixels follow each
+/// other, those of points are listed.
 /// Threads: const calls are safe concurrently.
 class Sites {
  public:
@@ -60,7 +60,7 @@ class Sites {
   std::vector<Place> places_;
   std::vector<PointRun> runs_;
   std::vector<size_t> first_runs_;   // of each strip, and the end
-  std::vector<int32_t> left_, sum_;  // as in PointCells, row by row of points
+  std::vector<int32_t> left_, own_;  // as in PointCells, row by row of points
   std::vector<float> part_;
 };
 

@@ -14,8 +14,8 @@ namespace lumifold::filter {
 /// Source:  Gastal & Oliveira 2012, splatting, Eq. (3), with box means onto cells.
 class StripSplat {
  public:
-  /// `weights`: of the sites, for each manifold. `splats`: for each manifold, per cell: sum of mask * w * f of
-  /// each signal, and of mask * w, over the cell's area.
+  /// `weights`: of the sites, for each manifold. `splats`: for each manifold, per cell: sum of mask * w * f
+  /// of each signal, and of mask * w, over the cell's area.
   StripSplat(const Planes& signals, const Plane& mask, const Planes& weights, const Lattice& lattice,
              const Sites& sites, std::vector<Planes>* splats);
 
@@ -23,8 +23,8 @@ class StripSplat {
 
  private:
   void Strip(size_t manifold, int row, int column);
-  /// `count` sites from x on in a row of sites; their sums begin at `sums` of each strip of sums.
-  SplatArgs Args(size_t manifold, int row, int x, std::ptrdiff_t sums, int count);
+  /// The sites from x on in a row of sites: pixels of `count` cells, or points.
+  SplatArgs Args(size_t manifold, int row, int x, int count);
 
   const Planes& signals_;
   const Plane& mask_;

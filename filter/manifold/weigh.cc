@@ -92,8 +92,7 @@ bool StripWeigh::PixelRow(size_t manifold, int y, int column) {
                            clusters_.members.Row(y) + column,
                            clusters_.next_labels.Row(y) + column,
                            sum_rows_.data(),
-                           sum_rows_.data() + d + 1,
-                           lattice_.SumStride()};
+                           sum_rows_.data() + d + 1};
   return WeighRow(phases_, weigh, &split);
 }
 
@@ -114,22 +113,23 @@ void StripWeigh::PointRow(size_t manifold, int y, int column) {
 }
 
 void RootCellRow(const Planes& features, const Lattice& lattice, const Clusters& clusters, int row,
-                 ClusterSums* sums) {
-  const std::vector<float> ones(kStripColumns, 1.0f);
-  std::vector<float> strip(lattice.SumFloats());
+                 ClusterSums* cell_means) {
+  const std::vector<float> ones(static_cast<size_t>(lattice.PhasedWidth()), 1.0f);
+  const size_t planes = features.size() + 1;
+  std::vector<float> sums(planes * lattice.SumFloats());
+  std::vector<float*> sum_rows;
+  for (size_t i = 0; i < sums.size(); i += lattice.SumFloats()) sum_rows.push_back(sums.data() + i);
+  std::vector<const float*> feature_rows(features.size());
   for (int column = 0; column < lattice.Columns(); column += lattice.StripCells()) {
     const int count = lattice.CellsFrom(column);
-    for (size_t k = 0; k <= features.size(); ++k) {
-      const bool is_weight = k == features.size();
-      for (int y = row * lattice.step; y < row * lattice.step + lattice.RowHeight(row); ++y) {
-        for (int j = 0; j < lattice.step; ++j) {
-          const int x = j * lattice.PhaseStride() + column;
-          const float* feature = is_weight ? ones.data() : features[k].Row(y) + x;
-          AddProductRow(clusters.members.Row(y) + x, feature, count, strip.data() + j * lattice.SumStride());
-        }
-      }
-      StoreCellMeans(lattice, row, column, count, strip.data(),
-                     (is_weight ? sums->weight : sums->weighted[k]).Row(row));
+    for (int y = row * lattice.step; y < row * lattice.step + lattice.RowHeight(row); ++y) {
+      for (size_t k = 0; k < features.size(); ++k) feature_rows[k] = features[k].Row(y) + column;
+      SplatRow(lattice.step, {feature_rows.data(), features.size(), clusters.members.Row(y) + column,
+                              ones.data(), sum_rows.data(), lattice.PhaseStride(), count});
+    }
+    for (size_t k = 0; k < planes; ++k) {
+      Plane& cells = k < features.size() ? cell_means->weighted[k] : cell_means->weight;
+      StoreCellMeans(lattice, row, column, count, sum_rows[k], cells.Row(row));
     }
   }
 }

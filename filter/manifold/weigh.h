@@ -61,6 +61,6 @@ class StripWeigh {
 /// Means of member * feature and of member over each cell of one row: the cluster of the root, which has all
 /// pixels.
 void RootCellRow(const Planes& features, const Lattice& lattice, const Clusters& clusters, int row,
-                 ClusterSums* sums);
+                 ClusterSums* cell_means);
 
 }  // namespace lumifold::filter

@@ -111,19 +111,17 @@ int AreaOf(int cell, Grid grid) {
   return (columns < STEP ? columns : STEP) * (rows < STEP ? rows : STEP);
 }
 
-// The sums of mass * value down each column of a cell.
-void SumColumns(const float* masses, const float* values, float* columns) {
-  for (int i = 0; i < STEP; ++i) {
-    columns[i] = 0.0f;
-    for (int j = 0; j < STEP; ++j) columns[i] += masses[j * STEP + i] * values[j * STEP + i];
+// The sum of mass * value over a cell: row by row, in a row four by four, and these as pairs.
+float CellSum(const float* masses, const float* values) {
+  const int together = STEP < 4 ? STEP : 4;
+  float sum = 0.0f;
+  for (int i = 0; i < STEP * STEP; i += together) {
+    float pair = masses[i] * values[i];
+    if (together > 1) pair += masses[i + 1] * values[i + 1];
+    if (together > 2) pair += masses[i + 2] * values[i + 2] + masses[i + 3] * values[i + 3];
+    sum += pair;
   }
-}
-// The sum of the columns, pair by pair, over the cell's area.
-float MeanOfColumns(float* columns, int area) {
-  for (int left = STEP / 2; left > 0; left /= 2) {
-    for (int i = 0; i < left; ++i) columns[i] = columns[2 * i] + columns[2 * i + 1];
-  }
-  return columns[0] / (float)area;
+  return sum;
 }
 
 // --- The tree of manifolds -------------------------------------------------------------------------------------------------
@@ -148,16 +146,13 @@ __kernel void ClusterSums(Grid grid, int clusters, __global const float* feature
     for (int k = 0; k <= FEATURES; ++k) to[k] = 0.0f;
     return;
   }
-  float columns[MOST_STEP];
-  SumColumns(own, values, columns);
-  to[FEATURES] = MeanOfColumns(columns, AreaOf(cell, grid));
+  to[FEATURES] = CellSum(own, values) / (float)AreaOf(cell, grid);
   for (int k = 0; k < FEATURES; ++k) {
     for (int i = 0; i < STEP * STEP; ++i) {
       const int pixel = PixelOfCell(cell, i, grid);
       values[i] = pixel < 0 ? 0.0f : features[(size_t)k * SitesOf(grid) + pixel];
     }
-    SumColumns(own, values, columns);
-    to[k] = MeanOfColumns(columns, AreaOf(cell, grid));
+    to[k] = CellSum(own, values) / (float)AreaOf(cell, grid);
   }
 }
 
@@ -334,8 +329,7 @@ float SignalOf(int k, size_t site, Grid grid, float unit, __global const int* pl
                        : PositionOf(YOf(site, grid, places), grid.height, unit);
 }
 
-// On all manifolds. The points of cell c are order[firsts[c]] to order[firsts[c + 1] - 1]; a column of pixels is summed before its
-// points.
+// On all manifolds. The points of cell c are order[firsts[c]] to order[firsts[c + 1] - 1], summed after its pixels.
 __kernel void Splat(Grid grid, int manifolds, float unit, __global const int* places, __global const int* firsts,
                     __global const int* order, __global const float* signals, __global const float* masses,
                     __global const float* weights, __global float* psi) {
@@ -343,7 +337,7 @@ __kernel void Splat(Grid grid, int manifolds, float unit, __global const int* pl
   if (item >= (size_t)manifolds * CellsOf(grid)) return;
   const int cell = (int)(item % CellsOf(grid));
   __global const float* on_manifold = weights + item / CellsOf(grid) * SitesOf(grid);
-  float own[MOST_STEP * MOST_STEP], values[MOST_STEP * MOST_STEP], columns[MOST_STEP];
+  float own[MOST_STEP * MOST_STEP], values[MOST_STEP * MOST_STEP];
   for (int i = 0; i < STEP * STEP; ++i) {
     const int pixel = PixelOfCell(cell, i, grid);
     own[i] = pixel < 0 ? 0.0f : masses[pixel] * on_manifold[pixel];
@@ -353,13 +347,12 @@ __kernel void Splat(Grid grid, int manifolds, float unit, __global const int* pl
       const int pixel = PixelOfCell(cell, i, grid);
       values[i] = pixel < 0 ? 0.0f : SignalOf(k, pixel, grid, unit, places, signals);
     }
-    SumColumns(own, values, columns);
+    float sum = CellSum(own, values);
     for (int i = firsts[cell]; i < firsts[cell + 1]; ++i) {
       const size_t site = PixelsOf(grid) + order[i];
-      columns[places[2 * order[i]] % STEP] +=
-          masses[site] * on_manifold[site] * SignalOf(k, site, grid, unit, places, signals);
+      sum += masses[site] * on_manifold[site] * SignalOf(k, site, grid, unit, places, signals);
     }
-    psi[item * PLANES + (k == SIGNALS ? RESULTS : k)] = MeanOfColumns(columns, AreaOf(cell, grid));
+    psi[item * PLANES + (k == SIGNALS ? RESULTS : k)] = sum / (float)AreaOf(cell, grid);
   }
 }
 

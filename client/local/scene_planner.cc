@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "worker/units/job_plan.h"
@@ -21,12 +22,14 @@ class LocalFiles {
  public:
   explicit LocalFiles(const client::SceneAssets& assets) : assets_(assets) {}
 
-  absl::StatusOr<std::string> operator()(const v1::AssetRef& wanted) const {
+  absl::StatusOr<worker::AssetContent> operator()(const v1::AssetRef& wanted) const {
     const auto asset = std::find_if(assets_.begin(), assets_.end(),
                                     [&](const client::LocalAsset& a) { return a.ref.uri() == wanted.uri(); });
     if (asset == assets_.end())
       return absl::NotFoundError(absl::StrCat("'", wanted.uri(), "' is no file of the scene"));
-    return client::ReadAsset(*asset);
+    absl::StatusOr<std::string> content = client::ReadAsset(*asset);
+    if (!content.ok()) return content.status();
+    return std::make_shared<const std::string>(*std::move(content));
   }
 
  private:

@@ -1,24 +1,17 @@
 #include "worker/cache/asset_cache.h"
 
-#include <memory>
-#include <utility>
-
 namespace lumifold::worker {
 
-absl::StatusOr<std::string> AssetCache::Fetch(const std::string& job_id, const v1::AssetRef& asset) {
-  using Content = std::shared_ptr<const std::string>;
+absl::StatusOr<AssetContent> AssetCache::Fetch(const std::string& job_id, const v1::AssetRef& asset) {
   bool is_hit = true;
-  const auto fetch = [&]() -> absl::StatusOr<Content> {
+  const auto fetch = [&] {
     is_hit = false;
-    absl::StatusOr<std::string> bytes = source_->Fetch(job_id, asset);
-    if (!bytes.ok()) return bytes.status();
-    return std::make_shared<const std::string>(*std::move(bytes));
+    return source_->Fetch(job_id, asset);
   };
-  const absl::StatusOr<Content> content =
+  absl::StatusOr<AssetContent> content =
       cache_.Get(asset.sha256(), fetch, [](const std::string& bytes) -> uint64_t { return bytes.size(); });
-  if (!content.ok()) return content.status();
-  if (is_hit) ++hits_;
-  return **content;
+  if (content.ok() && is_hit) ++hits_;
+  return content;
 }
 
 }  // namespace lumifold::worker

@@ -22,7 +22,7 @@ class AssetCache final : public AssetSource {
   AssetCache(AssetSource* source, uint64_t max_bytes) : source_(source), cache_(max_bytes) {}
 
   /// Errors: those of the source; they are not kept.
-  absl::StatusOr<std::string> Fetch(const std::string& job_id, const v1::AssetRef& asset) override;
+  absl::StatusOr<AssetContent> Fetch(const std::string& job_id, const v1::AssetRef& asset) override;
 
   /// Assets that it had, or another thread was fetching.
   int64_t hits() const { return hits_; }

@@ -57,25 +57,25 @@ absl::Status MakeAssetFolder(const std::string& path, uid_t owner) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::string> AssetFolder::Fetch(const std::string& job_id, const v1::AssetRef& asset) {
+absl::StatusOr<AssetContent> AssetFolder::Fetch(const std::string& job_id, const v1::AssetRef& asset) {
   if (!rpc::IsSha256Hex(asset.sha256())) return source_->Fetch(job_id, asset);
-  absl::StatusOr<std::string> content = Read(asset);
+  absl::StatusOr<AssetContent> content = Read(asset);
   if (content.ok()) {
     ++hits_;
     return content;
   }
   content = source_->Fetch(job_id, asset);
-  if (!content.ok() || content->size() > options_.max_bytes) return content;
+  if (!content.ok() || (*content)->size() > options_.max_bytes) return content;
   const absl::MutexLock lock(&mutex_);
-  MakeRoom(content->size());
-  const absl::Status written = Write(asset.sha256(), *content);
+  MakeRoom((*content)->size());
+  const absl::Status written = Write(asset.sha256(), **content);
   if (!written.ok() && options_.log != nullptr)
     options_.log->warn("event=asset_not_kept sha256={} error={}", asset.sha256(),
                        logging::Quoted(written.message()));
   return content;
 }
 
-absl::StatusOr<std::string> AssetFolder::Read(const v1::AssetRef& asset) const {
+absl::StatusOr<AssetContent> AssetFolder::Read(const v1::AssetRef& asset) const {
   const fs::path path = fs::path(options_.path) / asset.sha256();
   std::error_code error;
   if (fs::file_size(path, error) != asset.size() || error) return absl::NotFoundError("not in the folder");
@@ -85,7 +85,7 @@ absl::StatusOr<std::string> AssetFolder::Read(const v1::AssetRef& asset) const {
   if (!file || rpc::Sha256Hex(content) != asset.sha256()) return absl::NotFoundError("not in the folder");
   fs::last_write_time(path, fs::file_time_type::clock::now(), error);  // unless it is removed meanwhile
   if (options_.log != nullptr) options_.log->debug("event=asset_found sha256={}", asset.sha256());
-  return content;
+  return std::make_shared<const std::string>(std::move(content));
 }
 
 absl::Status AssetFolder::Write(const std::string& name, const std::string& content) {

@@ -48,14 +48,14 @@ class AssetFolder final : public AssetSource {
       : source_(source), options_(std::move(options)) {}
 
   /// Errors: those of the source.
-  absl::StatusOr<std::string> Fetch(const std::string& job_id, const v1::AssetRef& asset) override;
+  absl::StatusOr<AssetContent> Fetch(const std::string& job_id, const v1::AssetRef& asset) override;
 
   /// Assets that were in the folder.
   int64_t hits() const { return hits_; }
 
  private:
   /// kNotFound where there is no such file, or not the right content.
-  absl::StatusOr<std::string> Read(const v1::AssetRef& asset) const;
+  absl::StatusOr<AssetContent> Read(const v1::AssetRef& asset) const;
   absl::Status Write(const std::string& name, const std::string& content);
   /// Removes the least recently used assets until `bytes` more have room, and what interrupted writes have
   /// left.

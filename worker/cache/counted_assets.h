@@ -15,11 +15,11 @@ class CountedAssets final : public AssetSource {
   explicit CountedAssets(AssetSource* source) : source_(source) {}
 
   /// Errors: those of the source.
-  absl::StatusOr<std::string> Fetch(const std::string& job_id, const v1::AssetRef& asset) override {
-    absl::StatusOr<std::string> content = source_->Fetch(job_id, asset);
+  absl::StatusOr<AssetContent> Fetch(const std::string& job_id, const v1::AssetRef& asset) override {
+    absl::StatusOr<AssetContent> content = source_->Fetch(job_id, asset);
     if (content.ok()) {
       ++assets_;
-      bytes_ += static_cast<int64_t>(content->size());
+      bytes_ += static_cast<int64_t>((*content)->size());
     }
     return content;
   }

@@ -48,7 +48,7 @@ class RemoteAssetSource final : public AssetSource {
   RemoteAssetSource(const CurrentCoordinator* coordinator, std::shared_ptr<logging::JobLabels> labels)
       : coordinator_(coordinator), labels_(std::move(labels)) {}
 
-  absl::StatusOr<std::string> Fetch(const std::string& job_id, const v1::AssetRef& asset) override {
+  absl::StatusOr<AssetContent> Fetch(const std::string& job_id, const v1::AssetRef& asset) override {
     std::string bytes;
     rpc::RetryPolicy policy;
     policy.try_timeout = kAssetTimeout;
@@ -69,7 +69,7 @@ class RemoteAssetSource final : public AssetSource {
     if (rpc::Sha256Hex(bytes) != asset.sha256()) {
       return absl::DataLossError(absl::StrCat("asset ", asset.sha256(), " does not match its SHA-256"));
     }
-    return bytes;
+    return std::make_shared<const std::string>(std::move(bytes));
   }
 
  private:

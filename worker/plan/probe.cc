@@ -184,7 +184,8 @@ absl::StatusOr<Probe> RunProbe(const scene::Scene& scene, const render::RenderSe
   const render::RenderSettings picture = Reduced(settings, PixelsOf(settings, samples_per_pixel));
   const absl::StatusOr<render::PictureCamera> camera = render::MakeCamera(scene, picture);
   if (!camera.ok()) return camera.status();
-  const absl::StatusOr<std::unique_ptr<render::EmbreeScene>> embree = render::EmbreeScene::Create(scene);
+  const absl::StatusOr<std::unique_ptr<render::EmbreeScene>> embree =
+      render::EmbreeScene::Create(scene, render::OpacityClassOf, settings.builders);
   if (!embree.ok()) return embree.status();
   const render::PathTracer tracer(scene, **embree, settings.environment, settings.max_bounces, settings.mips,
                                   kProbePlan);

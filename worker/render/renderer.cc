@@ -70,7 +70,7 @@ absl::StatusOr<std::unique_ptr<Renderer>> Renderer::Create(std::shared_ptr<const
   const absl::StatusOr<PictureCamera> camera = MakeCamera(*scene, settings);
   if (!camera.ok()) return camera.status();
   absl::StatusOr<std::unique_ptr<EmbreeScene>> embree =
-      EmbreeScene::Create(*scene, OpacitySourceOf(*scene, settings.plan));
+      EmbreeScene::Create(*scene, OpacitySourceOf(*scene, settings.plan), settings.builders);
   if (!embree.ok()) return embree.status();
   absl::StatusOr<std::unique_ptr<ShadowCatchers>> catchers = ShadowCatchers::Create(*scene);
   if (!catchers.ok()) return catchers.status();

@@ -8,6 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "filter/image/edged_image.h"
+#include "filter/image/parallel.h"
 #include "filter/image/tile_samples.h"
 #include "worker/render/geometry/camera.h"
 #include "worker/render/geometry/camera_packet.h"
@@ -33,6 +34,7 @@ struct RenderSettings {
   std::shared_ptr<const Environment> environment;  // null: black
   bool is_transparent = false;                     // the camera does not see it
   MipSource mips;                                  // used while the renderer is created; empty: MakeMips
+  TaskPool* builders = nullptr;                    // used while it is created; null: this thread
   TracingPlan plan;                                // default: everything is modelled
 };
 

@@ -81,7 +81,9 @@ absl::StatusOr<std::string> FetchFile(const std::string& uri, const Dependencies
   const auto asset = dependencies.find(uri);
   if (asset == dependencies.end())
     return absl::NotFoundError(absl::StrCat("'", uri, "' is not among the job's files"));
-  return fetch(asset->second);
+  const absl::StatusOr<AssetContent> content = fetch(asset->second);
+  if (!content.ok()) return content.status();
+  return **content;
 }
 
 /// Without a decoder of pictures.
@@ -120,7 +122,7 @@ absl::Status NamingScene(const absl::Status& status, const v1::JobSpec& spec) {
 
 absl::Status CheckJobScene(const v1::JobSpec& spec, int frame, FetchAsset fetch, TaskPool* pool) {
   const Dependencies dependencies = DependenciesOf(spec);
-  const absl::StatusOr<std::string> file = fetch(spec.scene().file());
+  const absl::StatusOr<AssetContent> file = fetch(spec.scene().file());
   if (!file.ok()) return file.status();
   scene::LoadOptions options = OptionsOf(spec, frame, pool);
   options.decode = [](std::string_view, int64_t) {
@@ -128,7 +130,7 @@ absl::Status CheckJobScene(const v1::JobSpec& spec, int frame, FetchAsset fetch,
   };
   const auto read = [&](const std::string& uri) { return FetchFile(uri, dependencies, fetch); };
   const absl::StatusOr<scene::Scene> scene =
-      scene::LoadGltf(*file, spec.scene().display_name(), read, options);
+      scene::LoadGltf(**file, spec.scene().display_name(), read, options);
   if (!scene.ok()) return scene.status();
   const absl::Status camera = render::MakeCamera(*scene, SettingsOf(spec)).status();
   return camera.ok() ? camera : NamingScene(camera, spec);
@@ -137,7 +139,7 @@ absl::Status CheckJobScene(const v1::JobSpec& spec, int frame, FetchAsset fetch,
 absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchAsset fetch,
                                       DecodedCache* decoded, TaskPool* pool, std::atomic<int64_t>* progress) {
   const Dependencies dependencies = DependenciesOf(spec);
-  absl::StatusOr<std::string> file = fetch(spec.scene().file());
+  absl::StatusOr<AssetContent> file = fetch(spec.scene().file());
   if (!file.ok()) return file.status();
   const auto read = [&](const std::string& uri) {
     ++*progress;
@@ -147,15 +149,15 @@ absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchA
   options.decode = [decoded](std::string_view bytes, int64_t max_pixels) {
     return decoded->Texture(bytes, max_pixels);
   };
-  absl::StatusOr<scene::Scene> scene = scene::LoadGltf(*file, spec.scene().display_name(), read, options);
+  absl::StatusOr<scene::Scene> scene = scene::LoadGltf(**file, spec.scene().display_name(), read, options);
   if (!scene.ok()) return scene.status();
-  file->clear();
-  file->shrink_to_fit();
+  file->reset();  // before the trees take memory
   if (spec.ground() == v1::GROUND_SHADOW) scene::AddShadowGround(&*scene);
   JobScene job;
   job.scene = std::make_shared<scene::Scene>(*std::move(scene));
   job.settings = SettingsOf(spec);
   job.settings.mips = MakeAllMips(*job.scene, decoded, pool);
+  job.settings.builders = pool;
   if (spec.has_environment()) {
     const auto sky_file = dependencies.find(spec.environment().uri());
     absl::StatusOr<std::shared_ptr<const render::Environment>> sky = decoded->Environment(

@@ -11,6 +11,7 @@
 #include "filter/image/parallel.h"
 #include "lumifold/v1/job.pb.h"
 #include "lumifold/v1/scene.pb.h"
+#include "worker/cache/asset_source.h"
 #include "worker/render/renderer.h"
 #include "worker/scene/scene.h"
 #include "worker/units/decoded_cache.h"
@@ -18,7 +19,7 @@
 namespace lumifold::worker {
 
 /// Returns the content of a job's file.
-using FetchAsset = absl::FunctionRef<absl::StatusOr<std::string>(const v1::AssetRef&)>;
+using FetchAsset = absl::FunctionRef<absl::StatusOr<AssetContent>(const v1::AssetRef&)>;
 
 /// A job's scene in one frame, and what the job asks of the renderer.
 struct JobScene {
@@ -27,8 +28,9 @@ struct JobScene {
   bool in_studio = false;  // the scene has no light: settings.environment is render::StudioEnvironment()
 };
 
-/// Loads the scene and the environment of a job, or lights the scene by a studio; `pool` decodes textures
-/// and makes their mip levels. `progress` grows by one for each file.
+/// Loads the scene and the environment of a job, or lights the scene by a studio; `pool` decodes
+/// textures, makes their mip levels and, once the renderer is created, builds its acceleration structure.
+/// `progress` grows by one for each file.
 /// Errors: those of `fetch`, scene::LoadGltf and render::Environment::Create; kNotFound for a file that is
 /// not among the job's.
 absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchAsset fetch,

@@ -145,10 +145,10 @@ absl::StatusOr<JobScene> UnitRenderer::LoadScene(const v1::JobSpec& spec, const 
   }
   // A file that cannot be fetched fails the load, whatever the loader makes of its absence.
   absl::Status failure;
-  const auto fetch = [&](const v1::AssetRef& asset) -> absl::StatusOr<std::string> {
+  const auto fetch = [&](const v1::AssetRef& asset) -> absl::StatusOr<AssetContent> {
     if (stopped_) failure = absl::CancelledError("the worker stops");
     if (!failure.ok()) return failure;
-    absl::StatusOr<std::string> bytes = assets_->Fetch(unit.job_id(), asset);
+    absl::StatusOr<AssetContent> bytes = assets_->Fetch(unit.job_id(), asset);
     if (!bytes.ok()) failure = NamingScene(bytes.status(), spec);
     if (absl::IsNotFound(failure) || absl::IsDataLoss(failure))
       failure.SetPayload(kMissingAssetPayload, absl::Cord(asset.SerializeAsString()));

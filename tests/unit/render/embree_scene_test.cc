@@ -96,6 +96,30 @@ TEST(EmbreeScene, PacketsAndSingleRaysHaveEqualHits) {
   EXPECT_LT(hit_count, 400);
 }
 
+TEST(EmbreeScene, AnyNumberOfThreadsBuildsTheSameTree) {
+  // Of coincident triangles, and of those around a vertex, the tree's order decides which one is hit.
+  scene::Scene scene = RoomWithSheets();
+  const scene::Mesh sphere = testing::SphereMesh(0.7f, 60, 0);
+  for (int i = 0; i < 3; ++i) testing::Place(&scene, sphere);
+  const auto expected = EmbreeScene::Create(scene);
+  ASSERT_TRUE(expected.ok()) << expected.status();
+  for (const int threads : {2, 3, 7, 16}) {
+    const std::unique_ptr<TaskPool> builders = MakeTaskPool(threads);
+    const auto embree = EmbreeScene::Create(scene, OpacityClassOf, builders.get());
+    ASSERT_TRUE(embree.ok()) << embree.status();
+    for (size_t i = 0; i < sphere.positions.size(); i += 3) {
+      Ray ray = {{{0.1f, 0.2f, 0.1f}, Normalize(sphere.positions[i] - scene::Vec3{0.1f, 0.2f, 0.1f}), 9}};
+      ray.random_key = i;
+      const Hit hit = (*embree)->Intersect(ray);
+      const Hit same = (*expected)->Intersect(ray);
+      ASSERT_EQ(hit.instance, same.instance) << threads << " threads, vertex " << i;
+      ASSERT_EQ(hit.triangle, same.triangle) << threads << " threads, vertex " << i;
+      ASSERT_EQ(hit.u, same.u);
+      ASSERT_EQ(hit.distance, same.distance);
+    }
+  }
+}
+
 TEST(EmbreeScene, AHitIsThePointOfItsTriangleOnTheRayAndKnowsItsFront) {
   // Placed once, thus in world space, and twice, thus as instances; one of each is mirrored.
   scene::Scene scene = RoomWithSheets();

@@ -26,10 +26,17 @@ TEST(AssetCache, FetchesAnAssetOnce) {
   NamedAssets source;
   AssetCache cache(&source, 100);
   for (const char* content : {"oak", "elm", "oak", "oak", "elm"})
-    EXPECT_EQ(*cache.Fetch("j", Asset(content)), content);
+    EXPECT_EQ(**cache.Fetch("j", Asset(content)), content);
   EXPECT_THAT(source.fetched, ElementsAre("oak", "elm"));
   EXPECT_EQ(cache.hits(), 3);
   EXPECT_EQ(cache.bytes(), 6u);
+}
+
+TEST(AssetCache, ThoseWhoFetchShareTheContent) {
+  NamedAssets source;
+  AssetCache cache(&source, 100);
+  const AssetContent first = *cache.Fetch("j", Asset("oak"));
+  EXPECT_EQ(*cache.Fetch("k", Asset("oak")), first);
 }
 
 TEST(AssetCache, ForgetsTheLeastRecentlyUsedOverItsLimit) {
@@ -38,7 +45,7 @@ TEST(AssetCache, ForgetsTheLeastRecentlyUsedOverItsLimit) {
   for (const char* content : {"oak", "elm", "oak", "pine", "beech"})
     cache.Fetch("j", Asset(content)).IgnoreError();
   source.fetched.clear();
-  for (const char* content : {"beech", "pine", "oak"}) EXPECT_EQ(*cache.Fetch("j", Asset(content)), content);
+  for (const char* content : {"beech", "pine", "oak"}) EXPECT_EQ(**cache.Fetch("j", Asset(content)), content);
   EXPECT_THAT(source.fetched, ElementsAre("oak"));  // beech and pine take 9 of the 10 bytes
 }
 
@@ -46,7 +53,7 @@ TEST(AssetCache, DoesNotKeepWhatIsLargerThanItsLimit) {
   NamedAssets source;
   AssetCache cache(&source, 5);
   for (const char* content : {"oak", "chestnut", "oak", "chestnut"})
-    EXPECT_EQ(*cache.Fetch("j", Asset(content)), content);
+    EXPECT_EQ(**cache.Fetch("j", Asset(content)), content);
   EXPECT_THAT(source.fetched, ElementsAre("oak", "chestnut", "chestnut"));
 }
 
@@ -65,7 +72,7 @@ TEST(AssetCache, ThreadsShareWhatIsBeingFetched) {
   AssetCache cache(&source, 100);
   std::vector<std::thread> threads;
   for (int i = 0; i < 8; ++i)
-    threads.emplace_back([&] { EXPECT_EQ(*cache.Fetch("j", Asset("oak")), "oak"); });
+    threads.emplace_back([&] { EXPECT_EQ(**cache.Fetch("j", Asset("oak")), "oak"); });
   source.AwaitFetches(1);
   source.SetOpen(true);
   for (std::thread& thread : threads) thread.join();

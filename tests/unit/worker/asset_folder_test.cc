@@ -45,9 +45,9 @@ class AssetFolderTest : public ::testing::Test {
 };
 
 TEST_F(AssetFolderTest, AnotherWorkerFetchesNothing) {
-  EXPECT_EQ(*Open().Fetch("j-1", StoredAsset("oak")), "oak");
+  EXPECT_EQ(**Open().Fetch("j-1", StoredAsset("oak")), "oak");
   AssetFolder other = Open();
-  EXPECT_EQ(*other.Fetch("j-2", StoredAsset("oak")), "oak");
+  EXPECT_EQ(**other.Fetch("j-2", StoredAsset("oak")), "oak");
   EXPECT_EQ(other.hits(), 1);
   EXPECT_THAT(source_.fetched, ElementsAre("oak"));
 }
@@ -56,7 +56,7 @@ TEST_F(AssetFolderTest, WhatIsNotTheAssetIsFetchedAgain) {
   for (const char* wrong : {"elm", "oa", "oak and more", ""}) {
     std::ofstream(PathOf("oak")) << wrong;
     source_.fetched.clear();
-    EXPECT_EQ(*Open().Fetch("j", StoredAsset("oak")), "oak");
+    EXPECT_EQ(**Open().Fetch("j", StoredAsset("oak")), "oak");
     EXPECT_THAT(source_.fetched, ElementsAre("oak"));
     EXPECT_EQ(fs::file_size(PathOf("oak")), 3u);
   }
@@ -96,8 +96,8 @@ TEST_F(AssetFolderTest, RemovesWhatInterruptedWritesLeftAndNothingElse) {
 
 TEST_F(AssetFolderTest, AFolderThatCannotBeWrittenCostsTheKeepingOnly) {
   AssetFolder folder(&source_, {.path = temp_.PathOf("none")});
-  EXPECT_EQ(*folder.Fetch("j", StoredAsset("oak")), "oak");
-  EXPECT_EQ(*folder.Fetch("j", StoredAsset("oak")), "oak");
+  EXPECT_EQ(**folder.Fetch("j", StoredAsset("oak")), "oak");
+  EXPECT_EQ(**folder.Fetch("j", StoredAsset("oak")), "oak");
   EXPECT_THAT(source_.fetched, ElementsAre("oak", "oak"));
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <new>
 #include <string>
 #include <utility>
@@ -16,7 +17,7 @@ class FakeAssets final : public AssetSource {
   explicit FakeAssets(absl::StatusOr<std::string> content, std::string environment = "")
       : content_(std::move(content)), environment_(std::move(environment)) {}
 
-  absl::StatusOr<std::string> Fetch(const std::string&, const v1::AssetRef& asset) override {
+  absl::StatusOr<AssetContent> Fetch(const std::string&, const v1::AssetRef& asset) override {
     absl::MutexLock lock(&mutex_);
     ++fetches_;
     if (bad_allocs_ > 0) {
@@ -25,8 +26,9 @@ class FakeAssets final : public AssetSource {
     }
     mutex_.Await(absl::Condition(&open_));
     const bool is_environment = asset.uri().rfind("environment:", 0) == 0;
-    if (is_environment && !environment_.empty()) return environment_;
-    return content_;
+    if (is_environment && !environment_.empty()) return std::make_shared<const std::string>(environment_);
+    if (!content_.ok()) return content_.status();
+    return std::make_shared<const std::string>(*content_);
   }
 
   /// While closed, Fetch blocks.

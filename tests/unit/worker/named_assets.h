@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -11,10 +12,10 @@ namespace lumifold::worker {
 /// The content of an asset is its uri; there is none called "missing". Threads: one at a time.
 class NamedAssets final : public AssetSource {
  public:
-  absl::StatusOr<std::string> Fetch(const std::string&, const v1::AssetRef& asset) override {
+  absl::StatusOr<AssetContent> Fetch(const std::string&, const v1::AssetRef& asset) override {
     fetched.push_back(asset.uri());
     if (asset.uri() == "missing") return absl::NotFoundError("missing");
-    return asset.uri();
+    return std::make_shared<const std::string>(asset.uri());
   }
   std::vector<std::string> fetched;
 };

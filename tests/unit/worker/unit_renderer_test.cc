@@ -215,7 +215,7 @@ TEST(UnitRenderer, ThreadsShareWhatIsBeingLoaded) {
 /// Refuses the first fetch, once it may.
 class RefusingAssets final : public AssetSource {
  public:
-  absl::StatusOr<std::string> Fetch(const std::string& job_id, const v1::AssetRef& asset) override {
+  absl::StatusOr<AssetContent> Fetch(const std::string& job_id, const v1::AssetRef& asset) override {
     if (!refused_.exchange(true)) {
       begun.Notify();
       may_refuse.WaitForNotification();

@@ -260,9 +260,9 @@ class EmbreeSceneImpl final : public EmbreeScene {
     return hits;
   }
 
-  explicit EmbreeSceneImpl(const scene::Scene& scene) : hit_context_(scene), builder_(MakeTaskPool(1)) {}
+  explicit EmbreeSceneImpl(const scene::Scene& scene) : hit_context_(scene) {}
 
-  absl::Status Build(const OpacitySource& opacity) {
+  absl::Status Build(const OpacitySource& opacity, TaskPool& builders) {
     const scene::Scene& scene = *hit_context_.scene;
 #if defined(__x86_64__)
     const std::string config = absl::StrCat("set_affinity=0,isa=", TracingInstructionSet());
@@ -282,23 +282,23 @@ class EmbreeSceneImpl final : public EmbreeScene {
       const OpacityClass opacity_class = opacity(scene, mesh);
       const Geometry geometry = uses[instance.mesh] == 1
                                     ? NewTriangles(mesh, instance.world_from_object, opacity_class)
-                                    : NewInstance(mesh, instance, opacity_class);
+                                    : NewInstance(mesh, instance, opacity_class, builders);
       if (geometry == nullptr) break;
       rtcCommitGeometry(geometry.get());
       rtcAttachGeometryByID(world_.get(), geometry.get(), static_cast<unsigned>(i));
       if (opacity_class == OpacityClass::kTransparent)
         AddTransparent(geometry.get(), static_cast<unsigned>(i));
     }
-    if (has_transparent_) Commit(transparent_.get());
-    Commit(world_.get());
+    if (has_transparent_) Commit(transparent_.get(), builders);
+    Commit(world_.get(), builders);
     return DeviceError();
   }
 
  private:
-  /// Builds the acceleration structure on this thread. (The device option "threads=1" would limit every TBB
-  /// pool of the process to one thread while the device exists.)
-  void Commit(RTCScene scene) {
-    builder_->Run(1, [scene](int64_t) { rtcCommitScene(scene); });
+  /// Builds the acceleration structure on the threads of `builders`, in whose arena of TBB the one task runs.
+  /// (The device option "threads" would limit every TBB pool of the process while the device exists.)
+  static void Commit(RTCScene scene, TaskPool& builders) {
+    builders.Run(1, [scene](int64_t) { rtcCommitScene(scene); });
   }
 
   static void Trace(RTCScene scene, RTCRayHit* query, QueryContext* context) {
@@ -327,12 +327,10 @@ class EmbreeSceneImpl final : public EmbreeScene {
     Geometry geometry(rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
     auto* positions = static_cast<Vec3*>(rtcSetNewGeometryBuffer(
         geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3), mesh.positions.size()));
-    auto* indices = static_cast<uint32_t*>(rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0,
-                                                                   RTC_FORMAT_UINT3, 3 * sizeof(uint32_t),
-                                                                   mesh.triangles.size() / 3));
-    if (positions == nullptr || indices == nullptr) return nullptr;
+    if (positions == nullptr) return nullptr;
     for (size_t i = 0; i < mesh.positions.size(); ++i) positions[i] = to_world.Point(mesh.positions[i]);
-    std::copy(mesh.triangles.begin(), mesh.triangles.end(), indices);
+    rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                               mesh.triangles.data(), 0, 3 * sizeof(uint32_t), mesh.triangles.size() / 3);
     if (opacity_class != OpacityClass::kOpaque) {
       rtcSetGeometryIntersectFilterFunction(geometry.get(), AcceptOrCollect);
       rtcSetGeometryOccludedFilterFunction(
@@ -341,7 +339,8 @@ class EmbreeSceneImpl final : public EmbreeScene {
     return geometry;
   }
 
-  Geometry NewInstance(const scene::Mesh& mesh, const scene::Instance& instance, OpacityClass opacity_class) {
+  Geometry NewInstance(const scene::Mesh& mesh, const scene::Instance& instance, OpacityClass opacity_class,
+                       TaskPool& builders) {
     SceneHandle& prototype = prototypes_[instance.mesh];
     if (prototype == nullptr) {
       prototype = NewScene();
@@ -349,7 +348,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
       if (triangles == nullptr) return nullptr;
       rtcCommitGeometry(triangles.get());
       rtcAttachGeometry(prototype.get(), triangles.get());
-      Commit(prototype.get());
+      Commit(prototype.get(), builders);
     }
     Geometry geometry(rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_INSTANCE));
     rtcSetGeometryInstancedScene(geometry.get(), prototype.get());
@@ -369,7 +368,6 @@ class EmbreeSceneImpl final : public EmbreeScene {
   }
 
   HitContext hit_context_;
-  std::unique_ptr<TaskPool> builder_;
   Device device_;  // released last
   std::vector<SceneHandle> prototypes_;
   SceneHandle world_;
@@ -383,9 +381,12 @@ const char* EmbreeName() { return RTC_VERSION_MAJOR == 3 ? "embree3" : "embree4"
 int64_t RaysOfThread() { return rays_of_thread; }
 
 absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Create(const scene::Scene& scene,
-                                                                 const OpacitySource& opacity) {
+                                                                 const OpacitySource& opacity,
+                                                                 TaskPool* builders) {
   auto result = std::make_unique<EmbreeSceneImpl>(scene);
-  if (absl::Status status = result->Build(opacity); !status.ok()) return status;
+  const std::unique_ptr<TaskPool> this_thread = builders == nullptr ? MakeTaskPool(1) : nullptr;
+  TaskPool& pool = builders == nullptr ? *this_thread : *builders;
+  if (absl::Status status = result->Build(opacity, pool); !status.ok()) return status;
   return result;
 }
 

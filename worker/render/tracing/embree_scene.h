@@ -6,6 +6,7 @@
 #include <span>
 
 #include "absl/status/statusor.h"
+#include "filter/image/parallel.h"
 #include "worker/render/lanes/vertex_lanes.h"
 #include "worker/render/materials/opacity.h"
 #include "worker/scene/scene.h"
@@ -41,15 +42,17 @@ struct TransparentHits {
 const char* EmbreeName();
 
 /// A scene in Embree. A mesh with one instance is transformed to world space; a mesh with several is an
-/// Embree instance. Threads: after Create() all calls are safe concurrently. The acceleration structure is
-/// built on one thread, so that it, and the choice between surfaces at equal distance, is the same
-/// everywhere.
+/// Embree instance. Threads: after Create() all calls are safe concurrently. The acceleration
+/// structure, and with it the choice between surfaces at equal distance, does not depend on the number of
+/// threads that build it.
 class EmbreeScene {
  public:
-  /// Keeps a pointer to the scene, which must outlive it. `opacity` is used by this call only.
+  /// Keeps pointers to the scene and its triangles, which must outlive it. `opacity` and `builders`, whose
+  /// threads build the acceleration structure (null: this thread), are used by this call only.
   /// Errors: kResourceExhausted if memory runs out; kInternal if Embree fails.
   static absl::StatusOr<std::unique_ptr<EmbreeScene>> Create(const scene::Scene& scene,
-                                                             const OpacitySource& opacity = OpacityClassOf);
+                                                             const OpacitySource& opacity = OpacityClassOf,
+                                                             TaskPool* builders = nullptr);
   virtual ~EmbreeScene() = default;
 
   /// The nearest triangle on the ray that is not cut out. A half-transparent one is hit with its opacity as

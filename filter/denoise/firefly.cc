@@ -175,6 +175,33 @@ std::array<Planes, 2> SuppressFireflies(const FireflyParams& params, int noise_r
   return is_any ? std::move(removed) : std::array<Planes, 2>{};
 }
 
+std::array<Planes, 2> TakeMissing(const Product& product, const LayerFragments& fragments, float scale,
+                                  TaskPool* pool, std::array<Planes, 2>* removed) {
+  if ((*removed)[0].empty() || product.rest_of[0][0].IsEmpty()) return {};
+  const Rect& box = product.box;
+  Plane has_fragments(box.width(), box.height());
+  for (const LayerFragments::Pixel& pixel : fragments.pixels) has_fragments.At(pixel.x, pixel.y) = 1;
+  std::array<Planes, 2> missing;
+  for (size_t h = 0; h < 2; ++h) {
+    const ConstColorView rest = Crop(product.rest_of[h], box);
+    const bool has_factor = !product.factor_of[h][0].IsEmpty();
+    missing[h] = MakePlanes(3, box.width(), box.height());
+    for (size_t c = 0; c < 3; ++c) {
+      ForEachPixel(pool, box.width(), box.height(), [&](int x, int y) {
+        float& of_half = (*removed)[h][c].At(x, y);
+        if (!(of_half > 0) || !(rest[c].At(x, y) < 0) || has_fragments.At(x, y) > 0) return;
+        const float factor = has_factor ? product.factor_of[h][c].At(box.x0 + x, box.y0 + y) : 1.0f;
+        const float in_c = of_half * scale * product.validity.At(x, y) * factor;
+        if (!(in_c > 0) || !IsUsable(in_c)) return;
+        const float by = std::min(in_c, -rest[c].At(x, y));
+        missing[h][c].At(x, y) = by;
+        of_half *= (in_c - by) / in_c;
+      });
+    }
+  }
+  return missing;
+}
+
 namespace {
 
 /// What ReturnRemoved() knows of one half's energy around each pixel.

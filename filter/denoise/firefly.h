@@ -5,6 +5,8 @@
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/layers/halves.h"
+#include "filter/layers/layer_fragments.h"
+#include "filter/layers/product.h"
 
 namespace lumifold::filter {
 
@@ -32,6 +34,17 @@ struct FireflyParams {
 /// Source:  the outlier test of Cycles' feature prefilter.
 std::array<Planes, 2> SuppressFireflies(const FireflyParams& params, int noise_radius, Halves* halves,
                                         TaskPool* pool);
+
+/// A sample that is an outlier of a layer may have met less of the factor than the mean of its pixel, such as
+/// at an edge in a mirror. Then C has less of it than the product of means, and the remainder of its half is
+/// negative. What is missing in C was never there: *removed loses as much, at most all, so that it does not
+/// return.
+/// Shapes:  removed[h]: 3 planes of the product's box, in units of `scale`. Result: what is missing of each
+///          half's product, in the film's unit; empty: nothing. Pixels with fragments miss nothing: each has
+///          a factor of its own.
+/// Threads: identical for any pool.
+std::array<Planes, 2> TakeMissing(const Product& product, const LayerFragments& fragments, float scale,
+                                  TaskPool* pool, std::array<Planes, 2>* removed);
 
 /// The energy that SuppressFireflies() removed, where it is to be added again to each half: what it lost
 /// itself, so that neither holds samples of the other. It is spread over pixels of similar light on the same

@@ -32,10 +32,13 @@ StageWatch WatchOfLayer(const FrameState& state, double done) {
   };
 }
 
+LayerFragments FragmentsOfProduct(const FrameState& state, const Product& product) {
+  return LayerFragmentsOf(state.frame, state.fragments, product, state.settings.products.ranges);
+}
+
 FilteredLayer FilterProduct(const FrameState& state, const StageWatch& watch, Product* product) {
-  const FragmentSet& set = state.fragments;
   product->is_mixed = MixedPart(state.mixed, product->box);
-  LayerFragments fragments = LayerFragmentsOf(state.frame, set, *product, state.settings.products.ranges);
+  LayerFragments fragments = FragmentsOfProduct(state, *product);
   UseDominantFeatures(fragments, &product->geometry);
   return RunLayer(state.layer_stages, state.settings.layer, *product, std::move(fragments), state.off, watch,
                   state.pool);
@@ -57,10 +60,13 @@ void RunLayers(FrameState* state) {
   AddEmissionChange(state->fragments, &state->change);
   state->rest = WithoutEmission(frame, state->pool);
   SubtractEmissionOfHalves(state->fragments, &state->rest);
+  for (const Product& product : products)
+    SubtractNoisy(product, FragmentsOfProduct(*state, product), state->pool, &state->rest);
   if (state->watch) state->watch("layers");  // the stages of each layer tell of themselves
   state->progress.layer_share = 1 / (static_cast<double>(products.size()) + kLayersOfRest);
   double done = 0;
   for (Product& product : products) {
+    product.rest_of = {ViewOf(state->rest.a), ViewOf(state->rest.b)};
     const FilteredLayer layer = FilterProduct(*state, WatchOfLayer(*state, done), &product);
     AddFiltered(product, layer, state->pool, &state->rest, &state->change);
     AddReturned(frame, product, layer, state->pool, &state->returned);

@@ -117,6 +117,7 @@ void RunFireflies(LayerState* state) {
       for (size_t k = 3 * p.first; k < 3 * p.last; ++k) state->fragments.light[h][k] *= now / before[i][h];
     }
   }
+  state->missing = TakeMissing(state->product, state->fragments, halves.scale, state->pool, &state->removed);
 }
 
 void RunFirstFiltering(LayerState* state) {
@@ -319,12 +320,14 @@ int ReachWindow(const Settings& settings) { return BlurWindow(settings.layer.rea
 LayerState Open(const LayerSettings& settings, const Product& product, Halves halves,
                 LayerFragments fragments, TaskPool* pool) {
   LayerState state{.settings = settings,
+                   .product = product,
                    .geometry = product.geometry,
                    .pool = pool,
                    .halves = std::move(halves),
                    .fragments = std::move(fragments),
                    .guide_noise = 0,
                    .removed = {},
+                   .missing = {},
                    .candidates = {},
                    .firefly_energy = {},
                    .result = {},
@@ -343,8 +346,8 @@ void RestoreUnits(const Product& product, float scale, TaskPool* pool, Candidate
 
 LayerStage FirefliesStage() {
   return {{.name = "fireflies",
-           .reads = "halves",
-           .writes = "halves, removed energy",
+           .reads = "halves, remainder",
+           .writes = "halves, removed energy, what C lacks of it",
            .off_when = "one half alone; the remainder",
            .source = "Cycles' prefilter of features",
            .header = "filter/denoise/firefly.h",
@@ -467,7 +470,8 @@ FilteredLayer RunLayer(const std::vector<LayerStage>& stages, const LayerSetting
   if (state.result.a.empty()) state.result = Noisy(state);  // its filtering is switched off
   RestoreUnits(product, scale, pool, &state.result);
   RestoreUnits(product, scale, pool, &state.returned);
-  return {std::move(state.result), std::move(state.fragments), std::move(state.returned)};
+  return {std::move(state.result), std::move(state.fragments), std::move(state.returned),
+          std::move(state.missing)};
 }
 
 }  // namespace lumifold::filter

@@ -16,6 +16,7 @@ namespace lumifold::filter {
 /// One layer of light on its way through the stages. Each stage reads what the ones before it wrote.
 struct LayerState {
   const LayerSettings& settings;
+  const Product& product;
   const Planes& geometry;
   TaskPool* pool;
 
@@ -23,6 +24,7 @@ struct LayerState {
   LayerFragments fragments;       // their light in the halves' unit
   float guide_noise = 0;          // RMS noise of one half of the first filtering's guide
   std::array<Planes, 2> removed;  // of each half, 3: what was removed as fireflies; empty: nothing was
+  std::array<Planes, 2> missing;  // FilteredLayer::missing
   std::vector<Candidate> candidates;
   std::array<Planes, 2> firefly_energy;  // of each half, 3: what was removed, spread; empty: nothing
   Candidate result;

@@ -25,8 +25,10 @@ Picture FilterLayers(const LayeredImage& film, LayerFilter filter, TaskPool* poo
   const ProductParams params;
   Remainder rest = WithoutEmission(frame, pool);
   FrameChange change = NoChange(frame);
-  for (const Product& product : ProductsOf(frame, params, pool))
-    AddFiltered(product, Filtered(product, filter, pool), pool, &rest, &change);
+  for (const Product& product : ProductsOf(frame, params, pool)) {
+    SubtractNoisy(product, {}, pool, &rest);
+    AddFiltered(product, Filtered(product, filter, pool), pool, nullptr, &change);
+  }
   if (!IsRounding(rest, frame, pool)) {
     const Product product =
         RemainderProduct(frame, frame.bounds(), PictureOf(frame, change, pool), params, pool, &rest);

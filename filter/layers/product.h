@@ -30,7 +30,8 @@ struct Product {
   ConstColorView factor;         // empty: 1
   ColorOfHalves factor_of = {};  // of each half; empty like it
   HalvesView halves;
-  Rect box;             // part of the frame that is filtered: the layer's extent and a margin
+  ColorOfHalves rest_of = {};  // of each half: what all products and E leave of C; empty: not known
+  Rect box;                    // part of the frame that is filtered: the layer's extent and a margin
   Plane validity;       // of the box: part of each pixel that the layer's surface covers; 0: not filtered
   Planes geometry;      // of the box: the features that guide the filter besides the layer's own patches
   Plane picture_light;  // of the box; see Halves

@@ -5,6 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
+
 namespace lumifold::filter {
 namespace {
 
@@ -17,14 +19,15 @@ float SumOver(const LayerFragments& fragments, const LayerFragments::Pixel& pixe
   return sum;
 }
 
-void AddMixedPixels(const Rect& box, const FilteredLayer& layer, size_t h, size_t c, Planes* rest,
-                    Planes* change) {
+float NoisyOf(const LayerFragments& fragments, const LayerFragments::Pixel& pixel, size_t h, size_t c) {
+  return SumOver(fragments, pixel, fragments.share[h], fragments.noisy[h], c);
+}
+
+void AddMixedPixels(const Rect& box, const FilteredLayer& layer, size_t h, size_t c, Planes* change) {
   const LayerFragments& fragments = layer.fragments;
   for (const LayerFragments::Pixel& p : fragments.pixels) {
-    const float noisy = SumOver(fragments, p, fragments.share[h], fragments.noisy[h], c);
     const float filtered = SumOver(fragments, p, fragments.coverage[h], layer.light.points[h], c);
-    if (rest != nullptr) (*rest)[c].At(box.x0 + p.x, box.y0 + p.y) -= UsableOr0(noisy);
-    (*change)[c].At(box.x0 + p.x, box.y0 + p.y) += UsableOr0(filtered - noisy);
+    (*change)[c].At(box.x0 + p.x, box.y0 + p.y) += UsableOr0(filtered - NoisyOf(fragments, p, h, c));
   }
 }
 
@@ -43,38 +46,56 @@ void SubtractProduct(const std::vector<float>& light, const float* factor, const
   }
 }
 
-void AddHalf(const Product& product, const FilteredLayer& layer, size_t h, TaskPool* pool, Planes* rest,
-             Planes* change) {
-  const Rect& box = product.box;
-  const Planes& after = h == 0 ? layer.light.a : layer.light.b;
+/// 1 at the pixels of a W x H picture that have fragments, else 0.
+Plane MixedPixels(const Product& product, const LayerFragments& fragments) {
+  Plane is_mixed(product.mean[0].width(), product.mean[0].height());
+  for (const LayerFragments::Pixel& p : fragments.pixels)
+    is_mixed.At(product.box.x0 + p.x, product.box.y0 + p.y) = 1;
+  return is_mixed;
+}
+
+/// Calls body(y, noisy, factor) for each row of channel c of a half: its noisy light, and what multiplies it.
+void ForEachNoisyRow(const Product& product, size_t h, size_t c, TaskPool* pool,
+                     absl::FunctionRef<void(int, const std::vector<float>&, const float*)> body) {
   const ConstColorView& half = h == 0 ? product.halves.a : product.halves.b;
   const ConstFloatView& count = h == 0 ? product.halves.samples_a : product.halves.samples_b;
-  const int width = (*change)[0].width();
-  const int height = (*change)[0].height();
-  Plane is_mixed(width, height);
-  for (const LayerFragments::Pixel& p : layer.fragments.pixels) is_mixed.At(box.x0 + p.x, box.y0 + p.y) = 1;
   const ConstColorView& factors = product.factor_of[h];
-  const bool has_factor = !factors[0].IsEmpty();
-  const std::vector<float> ones(static_cast<size_t>(width), 1.0f);
+  const auto width = static_cast<size_t>(product.mean[0].width());
+  const std::vector<float> ones(width, 1.0f);
+  ForEachBand(pool, product.mean[0].height(), [&](int, int y0, int y1) {
+    std::vector<float> noisy(width);
+    for (int y = y0; y < y1; ++y) {
+      TakeNoisy(count.Row(y), half[c].Row(y), product.mean[c].Row(y), &noisy);
+      body(y, noisy, factors[0].IsEmpty() ? ones.data() : factors[c].Row(y));
+    }
+  });
+}
+
+void AddHalf(const Product& product, const FilteredLayer& layer, size_t h, TaskPool* pool, Planes* change) {
+  const Rect& box = product.box;
+  const Planes& after = h == 0 ? layer.light.a : layer.light.b;
+  const Plane is_mixed = MixedPixels(product, layer.fragments);
   for (size_t c = 0; c < 3; ++c) {
-    ForEachBand(pool, height, [&](int, int y0, int y1) {
-      std::vector<float> noisy(static_cast<size_t>(width));
-      for (int y = y0; y < y1; ++y) {
-        const float* mixed = is_mixed.Row(y);
-        const float* factor = has_factor ? factors[c].Row(y) : ones.data();
-        TakeNoisy(count.Row(y), half[c].Row(y), product.mean[c].Row(y), &noisy);
-        if (rest != nullptr) SubtractProduct(noisy, factor, mixed, (*rest)[c].Row(y));
-        if (y < box.y0 || y >= box.y1) continue;
-        const float* valid = product.validity.Row(y - box.y0);
-        const float* filtered = after[c].Row(y - box.y0);
-        float* __restrict out = (*change)[c].Row(y);
-        for (int x = box.x0; x < box.x1; ++x) {
-          const float by = UsableOr0((filtered[x - box.x0] - noisy[static_cast<size_t>(x)]) * factor[x]);
-          out[x] += mixed[x] > 0 || !(valid[x - box.x0] > 0) ? 0.0f : by;
-        }
+    ForEachNoisyRow(product, h, c, pool, [&](int y, const std::vector<float>& noisy, const float* factor) {
+      if (y < box.y0 || y >= box.y1) return;
+      const float* mixed = is_mixed.Row(y);
+      const float* valid = product.validity.Row(y - box.y0);
+      const float* filtered = after[c].Row(y - box.y0);
+      float* __restrict out = (*change)[c].Row(y);
+      for (int x = box.x0; x < box.x1; ++x) {
+        const float by = UsableOr0((filtered[x - box.x0] - noisy[static_cast<size_t>(x)]) * factor[x]);
+        out[x] += mixed[x] > 0 || !(valid[x - box.x0] > 0) ? 0.0f : by;
       }
     });
-    AddMixedPixels(box, layer, h, c, rest, change);
+    AddMixedPixels(box, layer, h, c, change);
+  }
+}
+
+/// Adds planes of the box to those of the whole picture.
+void AddInBox(const Planes& planes, const Rect& box, Planes* sum) {
+  for (size_t c = 0; c < planes.size(); ++c) {
+    ForEachPixel(box.width(), box.height(),
+                 [&](int x, int y) { (*sum)[c].At(box.x0 + x, box.y0 + y) += planes[c].At(x, y); });
   }
 }
 
@@ -105,10 +126,28 @@ FrameChange NoChange(const Frame& frame) {
   return {MakePlanes(3, frame.width, frame.height), MakePlanes(3, frame.width, frame.height)};
 }
 
+void SubtractNoisy(const Product& product, const LayerFragments& fragments, TaskPool* pool, Remainder* rest) {
+  const Plane is_mixed = MixedPixels(product, fragments);
+  for (size_t h = 0; h < 2; ++h) {
+    Planes& of_half = h == 0 ? rest->a : rest->b;
+    for (size_t c = 0; c < 3; ++c) {
+      ForEachNoisyRow(product, h, c, pool, [&](int y, const std::vector<float>& noisy, const float* factor) {
+        SubtractProduct(noisy, factor, is_mixed.Row(y), of_half[c].Row(y));
+      });
+      for (const LayerFragments::Pixel& p : fragments.pixels) {
+        of_half[c].At(product.box.x0 + p.x, product.box.y0 + p.y) -= UsableOr0(NoisyOf(fragments, p, h, c));
+      }
+    }
+  }
+}
+
 void AddFiltered(const Product& product, const FilteredLayer& layer, TaskPool* pool, Remainder* rest,
                  FrameChange* change) {
-  AddHalf(product, layer, 0, pool, rest != nullptr ? &rest->a : nullptr, &(*change)[0]);
-  AddHalf(product, layer, 1, pool, rest != nullptr ? &rest->b : nullptr, &(*change)[1]);
+  for (size_t h = 0; h < 2; ++h) {
+    AddHalf(product, layer, h, pool, &(*change)[h]);
+    AddInBox(layer.missing[h], product.box, &(*change)[h]);
+    if (rest != nullptr) AddInBox(layer.missing[h], product.box, h == 0 ? &rest->a : &rest->b);
+  }
 }
 
 void AddReturned(const Frame& frame, const Product& product, const FilteredLayer& layer, TaskPool* pool,

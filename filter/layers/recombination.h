@@ -20,6 +20,9 @@ struct FilteredLayer {
   /// The energy of outliers that half A returns less that of half B, 3 planes; `light` has its mean in both.
   /// Empty: none.
   Planes returned = {};
+  /// Of each half, 3 planes: by how much the products of its outliers exceed what C has of them. Empty:
+  /// nothing.
+  std::array<Planes, 2> missing = {};
 };
 
 /// The same picture of a layer for both halves, without fragments. `planes`: 3, of the product's box.
@@ -30,10 +33,15 @@ FilteredLayer BlackLayer(const Product& product);
 
 FrameChange NoChange(const Frame& frame);
 
-/// Adds (filtered - noisy) * factor of a product, half by half, to *change, and subtracts noisy * factor from
-/// *rest, which may be null. On mixed pixels both are sums over the fragments: filtered light times coverage
-/// times T, noisy light times the share of the samples times T. Where a half has no sample of a layer, the
+/// Subtracts noisy * factor of a product from *rest, half by half. On mixed pixels it is a sum over the
+/// fragments: light times the share of the samples times T. Where a half has no sample of a layer, the
 /// layer's mean stands for it. Unusable values count as 0.
+/// Threads: identical for any pool.
+void SubtractNoisy(const Product& product, const LayerFragments& fragments, TaskPool* pool, Remainder* rest);
+
+/// Adds (filtered - noisy) * factor of a product, half by half, to *change: noisy as in SubtractNoisy(),
+/// filtered light of fragments times coverage times T. FilteredLayer::missing is in the noisy product alone:
+/// it is added to both *change and *rest, which may be null.
 /// Threads: identical for any pool.
 void AddFiltered(const Product& product, const FilteredLayer& layer, TaskPool* pool, Remainder* rest,
                  FrameChange* change);

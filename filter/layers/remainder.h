@@ -22,7 +22,7 @@ Planes EmissionOf(const Frame& frame, TaskPool* pool);
 /// `combined`, a mean of C, without all emission, of the first hit and of the levels. 3 planes.
 Planes WithoutEmission(const Frame& frame, const ConstColorView& combined, TaskPool* pool);
 
-/// The halves of C without all emission: the remainder before products are subtracted (AddFiltered).
+/// The halves of C without all emission: the remainder before products are subtracted (SubtractNoisy).
 Remainder WithoutEmission(const Frame& frame, TaskPool* pool);
 
 /// The mean of two halves of planes, weighted by the pixels' sample counts.

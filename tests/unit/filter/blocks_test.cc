@@ -163,6 +163,36 @@ TEST(FilterInBlocks, TakesOutAsMuchNoiseAsOneBlock) {
   EXPECT_LT(in_blocks, 1.1 * in_one);
 }
 
+/// Crop `input` of the film, filtered by itself, has the bits of `picture` in `part`, both in the frame.
+void ExpectSameBitsOfCrop(const LayeredImage& film, const Rect& input, const Rect& part,
+                          const LayeredImage& picture) {
+  const auto crop = FilterFilm(film.Crop(input), "default", nullptr);
+  ASSERT_TRUE(crop.ok()) << crop.status();
+  const ConstColorView whole = picture.GetColor("");
+  for (size_t c = 0; c < 3; ++c) {
+    EXPECT_TRUE(SameBits((*crop)[c].view().Crop(SeenFrom(input.x0, input.y0, part)), whole[c].Crop(part)))
+        << part.x0 << " " << part.y0 << " " << c;
+  }
+}
+
+TEST(FilterInBlocks, ACropOfABlockWithItsOverlapHasTheSameBits) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(160, 128, 0.4f, 7);
+  FilmInMemory film(synthetic.film);
+  const LayeredImage picture = InBlocks(&film, "default", kSmall);
+  const BlockGrid grid(160, 128, kSmall);
+  ASSERT_EQ(grid.columns() * grid.rows(), 6);
+  for (int row = 0; row < grid.rows(); ++row) {
+    for (int column = 0; column < grid.columns(); ++column) {
+      // Where no other block is blended in.
+      const Rect core = grid.Core(column, row);
+      const Rect alone = {core.x0 > 0 ? core.x0 + kSmall.fade : 0, core.y0 > 0 ? core.y0 + kSmall.fade : 0,
+                          core.x1 < 160 ? core.x1 - kSmall.fade : 160,
+                          core.y1 < 128 ? core.y1 - kSmall.fade : 128};
+      ExpectSameBitsOfCrop(synthetic.film, grid.Input(column, row), alone, picture);
+    }
+  }
+}
+
 TEST(FilterInBlocks, TellsWhatIsMissingAndStopsWhereTheSinkRefuses) {
   const SyntheticFilm synthetic = MakeSyntheticFilm(100, 200, 0.3f, 5);
   FilmInMemory film(synthetic.film);

@@ -283,5 +283,39 @@ TEST(ReturnRemoved, GivesTheSameBitsForAnyPool) {
     EXPECT_TRUE(std::equal(alone[2].Row(y), alone[2].Row(y) + kFireflyWidth, shuffled[2].Row(y)));
 }
 
+TEST(MissingLight, OfAnOutlierDoesNotReturn) {
+  // In units of 2, half A lost 2 in three pixels, of which a factor of 0.5 makes 2; half B lost nothing.
+  constexpr int kPixels = 3;
+  Planes rest = MakePlanes(3, kPixels, 1);
+  std::array<Planes, 2> removed = {MakePlanes(3, kPixels, 1), MakePlanes(3, kPixels, 1)};
+  Planes factor = MakePlanes(3, kPixels, 1);
+  for (size_t c = 0; c < 3; ++c) {
+    factor[c].Fill(0.5f);
+    removed[0][c].Fill(2);
+    rest[c].At(0, 0) = -0.5f;  // C has three quarters of the outlier,
+    rest[c].At(1, 0) = -5;     // nothing of it,
+    rest[c].At(2, 0) = 1;      // and all of it.
+  }
+  Product product;
+  product.factor_of = {ViewOf(factor), ViewOf(factor)};
+  product.rest_of = {ViewOf(rest), ViewOf(rest)};
+  product.box = {0, 0, kPixels, 1};
+  product.validity = MakePlane(kPixels, 1, 1);
+  const std::array<Planes, 2> missing = TakeMissing(product, {}, 2, nullptr, &removed);
+  ASSERT_EQ(missing[0].size(), 3u);
+  EXPECT_EQ(missing[0][1].At(0, 0), 0.5f);
+  EXPECT_EQ(missing[0][1].At(1, 0), 2.0f);
+  EXPECT_EQ(missing[0][1].At(2, 0), 0.0f);
+  EXPECT_EQ(removed[0][1].At(0, 0), 1.5f);
+  EXPECT_EQ(removed[0][1].At(1, 0), 0.0f);
+  EXPECT_EQ(removed[0][1].At(2, 0), 2.0f);
+  EXPECT_EQ(missing[1][1].At(0, 0), 0.0f);
+  // Each fragment has a factor of its own.
+  LayerFragments fragments;
+  fragments.pixels = {{1, 0, 0, 0}};
+  removed[0][1].At(1, 0) = 2;
+  EXPECT_EQ(TakeMissing(product, fragments, 2, nullptr, &removed)[0][1].At(1, 0), 0.0f);
+}
+
 }  // namespace
 }  // namespace lumifold::filter

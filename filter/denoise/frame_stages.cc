@@ -76,6 +76,10 @@ void RunLayers(FrameState* state) {
 
 bool HasLens(const FrameState& state) { return !state.frame.surface.blur.IsEmpty() && HasBothHalves(state); }
 
+bool CanHaveNoisyFactors(const FrameState& state) {
+  return HasLens(state) || (state.frame.is_foreign && HasBothHalves(state));
+}
+
 /// The halves of the picture without the remainder: filtered light times T and S of each half, and its E.
 BlurredPicture PictureOfLayers(const FrameState& state) {
   BlurredPicture picture = {Clone(state.change[0]), Clone(state.change[1]), {}};
@@ -155,11 +159,11 @@ void RunRecombination(FrameState* state) {
 FrameStage LensStage() {
   return {{.name = "lens",
            .reads = "filtered layers with T, S and E of each half; blur",
-           .writes = "picture where a lens blurs it, half by half",
-           .off_when = "a pinhole camera; one half alone",
+           .writes = "picture where a lens blurs it, or where T is another renderer's, half by half",
+           .off_when = "a film of our own with a pinhole camera; one half alone",
            .source = "our own",
            .header = "filter/layers/product.h"},
-          HasLens,
+          CanHaveNoisyFactors,
           RunLens};
 }
 

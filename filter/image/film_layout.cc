@@ -390,9 +390,10 @@ absl::StatusOr<LayeredImage> JoinHalves(const LayeredImage& a, const LayeredImag
   for (const LayeredImage::Channel& channel : a.channels()) {
     if (b.Has(channel.name)) AddMean(channel.name, channel.plane.view(), b.Get(channel.name), &film);
   }
-  std::vector<std::string_view> halved = {layers::kNoisy, layers::kDirect, layers::kIndirect};
+  std::vector<std::string_view> halved = {layers::kNoisy, layers::kDirect, layers::kIndirect, layers::kAlbedo,
+                                          layers::kEmission};
   for (const layers::LobeLayer& layer : layers::kLobeLayers) {
-    if (film.HasColor(layer.light)) halved.push_back(layer.light);
+    if (film.HasColor(layer.light)) halved.insert(halved.end(), {layer.light, layer.factor});
   }
   for (const std::string_view layer : halved) {
     const ColorView half_a = film.AddColor(layers::HalfA(layer));

@@ -71,10 +71,10 @@ struct ForeignFilm {
 absl::StatusOr<ForeignFilm> ReadForeignFilm(const std::string& name, const LayeredImage& file,
                                             const FilmLayout& layout);
 
-/// The film whose two independent halves, of equal sample counts, are `a` and `b`. noisy, direct, indirect,
-/// glossy and transmitted become the mean of both and are kept as halves (*_a, *_b, samples_a.Y,
-/// samples_b.Y); all other channels become the mean. A layer that only one of them has is dropped, and its
-/// light stays in the remainder.
+/// The film whose two independent halves, of equal sample counts, are `a` and `b`. Colours become the mean of
+/// both and are kept as halves (*_a, *_b, samples_a.Y, samples_b.Y): the albedo of a half goes with its
+/// light. All other channels become the mean. A layer that only one of them has is dropped, and its light
+/// stays in the remainder.
 /// Errors: kInvalidArgument if they differ in size.
 absl::StatusOr<LayeredImage> JoinHalves(const LayeredImage& a, const LayeredImage& b);
 

@@ -101,7 +101,10 @@ struct Frame {
   std::vector<LobeViews> lobes;    // G and transmitted light, where the film has both light and factor
   std::vector<LevelViews> levels;  // all that the film has any channel of, in the order of their index
   SampleCounts samples;            // of the first hit
-  Plane level_mask;                // 1 where a pixel shows a level, else 0
+  /// Made of two pictures of another renderer (JoinHalves()): T, S and E of each half, the normal and the
+  /// distance are means over its samples alone.
+  bool is_foreign = false;
+  Plane level_mask;  // 1 where a pixel shows a level, else 0
   std::optional<EdgeViews> edges;
   std::optional<FragmentViews> fragments;
 
@@ -117,6 +120,12 @@ struct Frame {
 inline bool IsBlurred(const Frame& frame, int x, int y) {
   constexpr float kLeastBlur = 0.5f;  // pixels
   return !frame.surface.blur.IsEmpty() && frame.surface.blur.At(x, y) >= kLeastBlur;
+}
+
+/// Whether T, S, E and the coverage of the pixel have noise that its halves show: a lens blurs it, or another
+/// renderer has them from its samples alone.
+inline bool HasNoisyFactors(const Frame& frame, int x, int y) {
+  return frame.is_foreign || IsBlurred(frame, x, y);
 }
 
 }  // namespace lumifold::filter

@@ -164,15 +164,15 @@ std::vector<Product> ProductsOf(const Frame& frame, const ProductParams& params,
 }
 
 std::optional<Product> BlurredProduct(const Frame& frame, const BlurredPicture& picture) {
-  const auto is_blurred = [&](int x, int y) { return IsBlurred(frame, x, y); };
-  const std::optional<Rect> box = BoxOf(frame.bounds(), is_blurred);
+  const auto is_noisy = [&](int x, int y) { return HasNoisyFactors(frame, x, y); };
+  const std::optional<Rect> box = BoxOf(frame.bounds(), is_noisy);
   if (!box.has_value()) return std::nullopt;
   Product product;
   product.kind = Product::Kind::kBlurred;
   product.mean = ViewOf(picture.mean);
   product.halves = {ViewOf(picture.a), ViewOf(picture.b), frame.samples.a, frame.samples.b};
   product.box = *box;
-  product.validity = BinaryMask(*box, is_blurred);
+  product.validity = BinaryMask(*box, is_noisy);
   return product;
 }
 

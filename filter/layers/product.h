@@ -22,7 +22,7 @@ struct Product {
     kTransmitted,  // transmitted light of the first surface with its transmittance
     kLevel,        // D and I of a level, with the throughput of the chain times T
     kRemainder,    // what all other layers and E leave of C, with factor 1
-    kBlurred,      // the picture where a lens blurs it, with factor 1
+    kBlurred,      // the picture where its factors have noise, with factor 1
   };
 
   Kind kind = Kind::kDirect;
@@ -49,16 +49,16 @@ struct ProductParams {
 /// levels. Keeps views of the frame's film.
 std::vector<Product> ProductsOf(const Frame& frame, const ProductParams& params, TaskPool* pool);
 
-/// A picture of a lens in two halves, in which what the lens blurs is still noise. 3 planes each, W x H.
+/// A picture in two halves, in which the noise of its factors is left. 3 planes each, W x H.
 struct BlurredPicture {
   Planes a;
   Planes b;
   Planes mean;
 };
 
-/// The picture as a product of factor 1, valid where it is blurred (IsBlurred); none where it is nowhere. It
-/// has no features but its patches: those of the first surface are as noisy as the picture. Keeps views of
-/// `picture`.
+/// The picture as a product of factor 1, valid where its factors have noise (HasNoisyFactors); none where
+/// they have it nowhere. It has no features but its patches: those of the first surface are as noisy as the
+/// picture. Keeps views of `picture`.
 std::optional<Product> BlurredProduct(const Frame& frame, const BlurredPicture& picture);
 
 /// The product's halves inside its box, scaled and made safe to compute with.

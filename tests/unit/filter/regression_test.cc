@@ -5,7 +5,9 @@
 #include <array>
 #include <cmath>
 #include <random>
+#include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "filter/denoise/frame_halves.h"
@@ -205,6 +207,22 @@ TEST(EdgeRegression, FitsMetalsOffTheEdgeSetToo) {
     const std::array<Picture, 2> fits = FitsOf(Frame(film), PictureWithEdge(1.4f));
     EXPECT_NEAR(MeanAtEdge(fits[0]), specular < 0.5f ? 1.4 : 0.505, specular < 0.5f ? 1e-6 : 0.2);
   }
+}
+
+/// EdgeFilm() as of another renderer, which has T in halves.
+LayeredImage ForeignEdgeFilm() {
+  LayeredImage film = EdgeFilm();
+  for (const std::string& half : {layers::HalfA(layers::kAlbedo), layers::HalfB(layers::kAlbedo)}) {
+    const ColorView out = film.AddColor(half);
+    for (size_t c = 0; c < 3; ++c) CopyPlane(std::as_const(film).GetColor(layers::kAlbedo)[c], out[c]);
+  }
+  return film;
+}
+
+TEST(EdgeRegression, FindsEdgesOfOtherRenderersByNormalAndDistance) {
+  const LayeredImage film = ForeignEdgeFilm();
+  for (const Picture& fit : FitsOf(Frame(film), PictureWithEdge(1.4f)))
+    EXPECT_NEAR(MeanAtEdge(fit), 0.505, 0.1);
 }
 
 TEST(EdgeRegression, DoesNothingWithoutASecondHalf) {

@@ -209,6 +209,10 @@ TEST(FilmLayout, JoinsTwoHalves) {
   LayeredImage a = ReadCycles(CyclesPicture("")).film;
   LayeredImage b = ReadCycles(CyclesPicture("")).film;
   for (const FloatView& channel : b.GetColor(layers::kDirect)) Fill(channel, 4);
+  for (const std::string_view factor : {layers::kAlbedo, layers::kEmission, layers::kGlossyAlbedo}) {
+    for (const FloatView& channel : a.GetColor(factor)) Fill(channel, 2);
+    for (const FloatView& channel : b.GetColor(factor)) Fill(channel, 3);
+  }
   const auto film = JoinHalves(a, b);
   ASSERT_TRUE(film.ok()) << film.status();
   EXPECT_EQ(film->GetColor(layers::kDirect)[0].At(1, 1), 3);
@@ -217,6 +221,11 @@ TEST(FilmLayout, JoinsTwoHalves) {
   EXPECT_EQ(film->Get(layers::kSamplesA).At(0, 0), film->Get(layers::kSamplesB).At(0, 0));
   EXPECT_GT(film->Get(layers::kSamplesA).At(0, 0), 0);
   EXPECT_EQ(film->GetColor(layers::HalfB(layers::kGlossy))[0].At(1, 1), 25);
+  for (const std::string_view factor : {layers::kAlbedo, layers::kEmission, layers::kGlossyAlbedo}) {
+    EXPECT_EQ(film->GetColor(factor)[0].At(1, 1), 2.5f) << factor;
+    EXPECT_EQ(film->GetColor(layers::HalfA(factor))[0].At(1, 1), 2) << factor;
+    EXPECT_EQ(film->GetColor(layers::HalfB(factor))[0].At(1, 1), 3) << factor;
+  }
 }
 
 TEST(FilmLayout, LeavesOutWhatOneHalfAloneHas) {

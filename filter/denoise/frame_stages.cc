@@ -77,7 +77,7 @@ void RunLayers(FrameState* state) {
 bool HasLens(const FrameState& state) { return !state.frame.surface.blur.IsEmpty() && HasBothHalves(state); }
 
 bool CanHaveNoisyFactors(const FrameState& state) {
-  return HasLens(state) || (state.frame.is_foreign && HasBothHalves(state));
+  return HasLens(state) || (state.frame.surface.is_foreign && HasBothHalves(state));
 }
 
 /// The halves of the picture without the remainder: filtered light times T and S of each half, and its E.

@@ -96,7 +96,7 @@ Frame::Frame(const LayeredImage& film, const LayeredImage* edge_set, const Layer
   object_id = channels.One(layers::kObjectId);
   gloss = {channels.One(layers::kRoughness), channels.Color(layers::kGlossyAlbedo)};
   samples = {channels.One(layers::kSamplesA), channels.One(layers::kSamplesB)};
-  is_foreign = film.HasColor(layers::HalfA(layers::kAlbedo)) && surface.blur.IsEmpty();
+  surface.is_foreign = film.HasColor(layers::HalfA(layers::kAlbedo)) && surface.blur.IsEmpty();
   for (const layers::LobeLayer& lobe : layers::kLobeLayers) {
     if (film.HasColor(lobe.light) && film.HasColor(lobe.factor))
       lobes.push_back({lobe.light, channels.Halved(lobe.light), channels.Color(lobe.factor),

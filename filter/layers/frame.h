@@ -49,6 +49,9 @@ struct SurfaceViews {
   ConstFloatView distance;  // along the whole way; 0 where nothing is hit
   ConstFloatView mask;      // part of the pixel that shows a surface with a diffuse lobe
   ConstFloatView blur;      // layers::kBlur; empty: no lens
+  /// Made of two pictures of another renderer (JoinHalves()): T, S and E of each half, the normal and the
+  /// distance are means over its samples alone.
+  bool is_foreign = false;
 };
 
 /// Of the first hit's glossy lobes.
@@ -101,10 +104,7 @@ struct Frame {
   std::vector<LobeViews> lobes;    // G and transmitted light, where the film has both light and factor
   std::vector<LevelViews> levels;  // all that the film has any channel of, in the order of their index
   SampleCounts samples;            // of the first hit
-  /// Made of two pictures of another renderer (JoinHalves()): T, S and E of each half, the normal and the
-  /// distance are means over its samples alone.
-  bool is_foreign = false;
-  Plane level_mask;  // 1 where a pixel shows a level, else 0
+  Plane level_mask;                // 1 where a pixel shows a level, else 0
   std::optional<EdgeViews> edges;
   std::optional<FragmentViews> fragments;
 
@@ -125,7 +125,7 @@ inline bool IsBlurred(const Frame& frame, int x, int y) {
 /// Whether T, S, E and the coverage of the pixel have noise that its halves show: a lens blurs it, or another
 /// renderer has them from its samples alone.
 inline bool HasNoisyFactors(const Frame& frame, int x, int y) {
-  return frame.is_foreign || IsBlurred(frame, x, y);
+  return frame.surface.is_foreign || IsBlurred(frame, x, y);
 }
 
 }  // namespace lumifold::filter

@@ -68,7 +68,7 @@ bool IsDiscontinuous(const Frame& frame, int x, int y) {
 void AddEdges(const Frame& frame, Plane* mixed) {
   if (frame.edges.has_value())
     frame.edges->ForEachPixel(frame.bounds(), [&](int, int x, int y) { MarkAround(frame, x, y, mixed); });
-  if (!frame.is_foreign) return;
+  if (!frame.surface.is_foreign) return;
   ForEachPixel(frame.width, frame.height, [&](int x, int y) {
     if (IsDiscontinuous(frame, x, y)) MarkAround(frame, x, y, mixed);
   });

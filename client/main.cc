@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <iostream>
+#include <string>
 #include <thread>
 
 #include "client/cli/colour.h"
@@ -15,6 +16,7 @@
 #include "client/local/in_process_farm.h"
 #include "client/local/scene_facts.h"
 #include "client/local/scene_planner.h"
+#include "proto/device/serve_device.h"
 #include "proto/identity/profile.h"
 #include "proto/rpc/trace_context.h"
 #include "proto/threads/end_process.h"
@@ -37,6 +39,8 @@ int TerminalColumns() {
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 1 && std::string(argv[1]) == lumifold::device::kDeviceCommand)
+    return lumifold::device::RunDeviceProcess({argv + 2, argv + argc});
   namespace client = lumifold::client;
   client::CatchInterrupts();
   setenv("GRPC_CLIENT_CHANNEL_BACKUP_POLL_INTERVAL_MS", kConnectionPollMs, /*overwrite=*/0);

@@ -17,6 +17,9 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "filter/opencl/filter_device.h"
+#include "proto/device/device_process.h"
+#include "proto/device/serve_device.h"
 #include "proto/identity/certificate.h"
 #include "proto/identity/secrets.h"
 #include "proto/logging/fields.h"
@@ -65,6 +68,7 @@ struct FilterFlags {
   int processes = 0;
   uint64_t memory_mb = 0;
   double minutes = 1440.0;
+  std::string device = "auto";
 };
 
 /// What may lie on the disk.
@@ -167,6 +171,15 @@ void AddAddresses(CLI::App* app, Flags* flags) {
       ->capture_default_str();
 }
 
+/// A word of filter::OpenFilterDevice.
+CLI::Validator DeviceChoice() {
+  return CLI::Validator(
+      [](const std::string& choice) {
+        return std::string(lumifold::filter::CheckDeviceChoice(choice).message());
+      },
+      "");
+}
+
 void AddFilterFlags(CLI::App* app, FilterFlags* flags) {
   app->add_option("--filter-threads", flags->threads,
                   "Threads of the filter, of all its processes together (default: one for each core)")
@@ -183,6 +196,13 @@ void AddFilterFlags(CLI::App* app, FilterFlags* flags) {
   app->add_option("--filter-minutes", flags->minutes,
                   "Time after which the filter process of a frame is ended")
       ->check(CLI::Range(0.01, 1e6))
+      ->capture_default_str();
+  app->add_option(
+         "--device", flags->device,
+         "What filters beside the processor, with the same bits: auto (a GPU, if there is one), cpu, "
+         "gpu, or gpu:N, number N of 'lumifold doctor'")
+      ->check(DeviceChoice())
+      ->type_name("DEVICE")
       ->capture_default_str();
 }
 
@@ -377,6 +397,19 @@ int Serve(lumifold::server::ServerOptions options, const sigset_t& end_signals, 
   }
 }
 
+/// The device for frames, blocks and previews; null: the processor.
+absl::StatusOr<std::shared_ptr<lumifold::device::DeviceProcess>> OpenDevice(
+    const FilterFlags& flags, const std::shared_ptr<spdlog::logger>& log) {
+  absl::StatusOr<std::unique_ptr<lumifold::device::DeviceProcess>> device =
+      lumifold::device::DeviceProcess::Start({.choice = flags.device, .warn = [log](const std::string& line) {
+                                                log->warn("event=device_failed error={}",
+                                                          lumifold::logging::Quoted(line));
+                                              }});
+  if (!device.ok()) return device.status();
+  if (*device != nullptr) log->info("event=device name={}", lumifold::logging::Quoted((*device)->name()));
+  return *std::move(device);
+}
+
 int RunServer(const Flags& flags) {
   umask(077);  // SQLite makes the ledger's files by itself
   if (lumifold::access::HasAccessFolder(lumifold::server::DataFolder(flags.data_dir).AccessPath()) ||
@@ -401,6 +434,12 @@ int RunServer(const Flags& flags) {
   options.filter.in_child_process = true;
   options.filter.memory_limit_bytes = flags.filter.memory_mb << 20;
   options.filter.time_limit = absl::Minutes(flags.filter.minutes);
+  absl::StatusOr<std::shared_ptr<lumifold::device::DeviceProcess>> device = OpenDevice(flags.filter, log);
+  if (!device.ok()) {
+    std::cerr << "lumifold-server: --device: " << std::string(device.status().message()) << '\n';
+    return kExitFailure;
+  }
+  options.filter.device_process = *std::move(device);
   options.data.storage.reserve_bytes = flags.disk.reserve_mb << 20;
   options.data.retention.film_bytes = static_cast<uint64_t>(flags.disk.keep_film_gb * kBytesPerGb);
   if (flags.disk.keep_results_days > 0)
@@ -471,6 +510,8 @@ int main(int argc, char** argv) {
   if (argc > 1 && std::string(argv[1]) == lumifold::server::kMakePreviewCommand) {
     return lumifold::server::RunMakePreviewProcess({argv + 2, argv + argc});
   }
+  if (argc > 1 && std::string(argv[1]) == lumifold::device::kDeviceCommand)
+    return lumifold::device::RunDeviceProcess({argv + 2, argv + argc});
   // gRPC logs to standard error by default; errors reach us as a Status. The user can set the variable.
   setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);
   // So does protobuf, a line for each malformed message: anyone could fill the disk.

@@ -20,6 +20,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "filter/manifold/manifold_device.h"
 #include "lumifold/v1/farm.pb.h"
 #include "proto/identity/secrets.h"
 #include "proto/logging/fields.h"
@@ -149,7 +150,8 @@ class ServerImpl final : public Server {
   ChildProcessOptions ChildOptions() const {
     return {.store = options_.data.store,
             .memory_limit_bytes = options_.filter.memory_limit_bytes,
-            .time_limit = options_.filter.time_limit};
+            .time_limit = options_.filter.time_limit,
+            .device = options_.filter.device_process};
   }
   /// Opens access control where the data folder has it.
   absl::Status OpenAccess();
@@ -304,7 +306,8 @@ void ServerImpl::OpenPreviews() {
   const auto make = [this](const job::JobId& job, int32_t frame, const PreviewRequest& request) {
     return options_.filter.in_child_process
                ? RunMakePreview(&previews_.process, folder_, options_.filter.threads, job, frame, request)
-               : MakePreview(folder_, *store_, job, frame, request, /*pool=*/nullptr);
+               : MakePreview(folder_, *store_, job, frame, request,
+                             filter::WithDevice(MakeTaskPool(1), options_.filter.device).get());
   };
   previews_.maker = std::make_unique<PreviewMaker>(
       PreviewOptions{.make = make,

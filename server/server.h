@@ -16,6 +16,10 @@
 #include "server/storage/storage_options.h"
 #include "server/webhooks/webhooks.h"
 
+namespace lumifold::device {
+class DeviceProcess;
+}  // namespace lumifold::device
+
 namespace lumifold::filter {
 class ManifoldDevice;
 }  // namespace lumifold::filter
@@ -74,8 +78,9 @@ struct FilterOptions {
   int threads = 1;
   /// Frames that are finished at a time; 0: as FinishOptions says.
   int processes = 1;
-  /// Filters frames that are filtered in this process; null: the processor does.
+  /// Filters what is filtered in this process, or in child processes; null: the processor does.
   std::shared_ptr<filter::ManifoldDevice> device = nullptr;
+  std::shared_ptr<device::DeviceProcess> device_process = nullptr;
   /// Filter in a child process of this program, whose main must call RunFinishFrameProcess.
   bool in_child_process = false;
   /// Limit of the child's address space in bytes; 0 for none.

@@ -22,6 +22,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "filter/image/memory.h"
+#include "filter/opencl/filter_device.h"
+#include "proto/device/device_process.h"
+#include "proto/device/serve_device.h"
 #include "proto/identity/certificate.h"
 #include "proto/identity/join.h"
 #include "proto/identity/profile.h"
@@ -127,6 +130,7 @@ struct Flags {
   lumifold::logging::LogOptions log = {.name = "worker"};
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::string finish = "auto";
+  std::string device = "auto";
   int niceness = 10;
   std::vector<std::string> tags;
   TimeFlags times;
@@ -163,6 +167,30 @@ void AddTimeFlags(CLI::App* app, TimeFlags* flags) {
       ->check(CLI::Range(0.0, 1e9));
 }
 
+/// A word of filter::OpenFilterDevice.
+CLI::Validator DeviceChoice() {
+  return CLI::Validator(
+      [](const std::string& choice) {
+        return std::string(lumifold::filter::CheckDeviceChoice(choice).message());
+      },
+      "");
+}
+
+void AddFinishFlags(CLI::App* app, Flags* flags) {
+  app->add_option(
+         "--finish", flags->finish,
+         "Whether it also assembles and filters frames for which the coordinator has no place: auto, "
+         "never, or only, and then it renders nothing")
+      ->check(CLI::IsMember({"auto", "never", "only"}))
+      ->capture_default_str();
+  app->add_option("--device", flags->device,
+                  "What filters these frames beside the processor, with the same bits: auto (a GPU, if there "
+                  "is one), cpu, gpu, or gpu:N, number N of 'lumifold doctor'")
+      ->check(DeviceChoice())
+      ->type_name("DEVICE")
+      ->capture_default_str();
+}
+
 void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--server", flags->server,
                   "The coordinator, or those of one farm: A:7700,B:7700 (default: that of the profile, "
@@ -174,12 +202,7 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--threads", flags->threads,
                   "Number of units rendered at the same time (default: one for each core)")
       ->check(CLI::Range(1, 1024));
-  app->add_option(
-         "--finish", flags->finish,
-         "Whether it also assembles and filters frames for which the coordinator has no place: auto, "
-         "never, or only, and then it renders nothing")
-      ->check(CLI::IsMember({"auto", "never", "only"}))
-      ->capture_default_str();
+  AddFinishFlags(app, flags);
   app->add_option(
          "--nice", flags->niceness,
          "Niceness at least: the worker yields to other programs of its machine, and to a coordinator, "
@@ -367,11 +390,33 @@ absl::StatusOr<uint64_t> FindMemory(const Flags& flags) {
                    " (ulimit -v, --memory-mb, --threads, the control group)"));
 }
 
-lumifold::worker::FinishPlaces PlacesOf(const Flags& flags, uint64_t memory_bytes) {
+lumifold::worker::FinishPlaces PlacesOf(const Flags& flags, uint64_t memory_bytes,
+                                        std::shared_ptr<lumifold::filter::ManifoldDevice> device) {
   if (flags.finish == "never") return {};
-  if (flags.finish == "only") return {.count = flags.threads, .memory_bytes = memory_bytes};
+  if (flags.finish == "only")
+    return {.count = flags.threads, .memory_bytes = memory_bytes, .device = std::move(device)};
   // The rest is for scenes.
-  return {.count = flags.threads, .memory_bytes = memory_bytes / 2, .keep_bytes = memory_bytes / 8};
+  return {.count = flags.threads,
+          .memory_bytes = memory_bytes / 2,
+          .keep_bytes = memory_bytes / 8,
+          .device = std::move(device)};
+}
+
+/// The device for frames. Its process is outside the sandbox, so it starts before.
+/// `log` is where its failure is told, once there is one.
+absl::StatusOr<lumifold::filter::OpenedDevice> OpenDevice(const Flags& flags, const Target& target,
+                                                          const std::shared_ptr<spdlog::logger>* log) {
+  if (flags.finish == "never") return lumifold::filter::OpenedDevice{};
+  const absl::StatusOr<std::string> user = UserFor(flags, target);
+  if (!user.ok()) return user.status();
+  absl::StatusOr<lumifold::filter::OpenedDevice> device = lumifold::device::OpenDevice(
+      {.choice = flags.device,
+       .user = flags.sandbox.off ? "" : *user,
+       .warn = [log](const std::string& line) {
+         if (*log != nullptr) (*log)->warn("event=device_failed error={}", lumifold::logging::Quoted(line));
+       }});
+  if (device.ok()) return device;
+  return absl::Status(device.status().code(), absl::StrCat("--device: ", device.status().message()));
 }
 
 /// Enters the sandbox, before any thread starts: it holds only for threads that start later.
@@ -428,6 +473,7 @@ void LogStart(const Flags& flags, const Target& target, uint64_t memory_bytes, c
 }
 
 lumifold::worker::WorkerLog MakeLog(const Flags& flags, const std::string& name) {
+  if (flags.log.format == "json") setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);  // its lines are no JSON
   lumifold::worker::WorkerLog log =
       lumifold::worker::MakeWorkerLog(lumifold::logging::MakeNonblockingLogger(flags.log));
   log.labels->SetWorker("-/" + name);  // it has no id yet
@@ -450,8 +496,15 @@ int ExitCodeOf(const absl::Status& status, spdlog::logger& log) {
   return Fail(status);
 }
 
+absl::Status Work(const Target& target, const lumifold::worker::WorkerOptions& options) {
+  const lumifold::threads::Event never;
+  return lumifold::worker::RunWorker(
+      {.addresses = target.servers,
+       .connect = [&target](const std::string& address) { return Connect(address, target.security); }},
+      options, never);
+}
+
 int RunWorkerProcess(const Flags& flags) {
-  if (flags.log.format == "json") setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);  // its lines are no JSON
   const absl::Time start = lumifold::rpc::MonotonicNow();
   if (absl::Status status = sandbox::YieldToOthers(flags.niceness); !status.ok()) return Fail(status);
   const lumifold::identity::Profiles profiles(lumifold::identity::ProfilesFolder());
@@ -464,17 +517,21 @@ int RunWorkerProcess(const Flags& flags) {
   if (!rest_reason.ok()) return Fail(rest_reason.status());
   const absl::StatusOr<uint64_t> memory_bytes = FindMemory(flags);
   if (!memory_bytes.ok()) return Fail(memory_bytes.status());
+  std::shared_ptr<spdlog::logger> device_log;
+  const auto device = OpenDevice(flags, *target, &device_log);
+  if (!device.ok()) return Fail(device.status());
   lumifold::service::ServiceManager manager;  // before the sandbox, which lets no program open its socket
   const absl::StatusOr<sandbox::SandboxReport> sandboxed = EnterSandbox(flags, *target);
   if (!sandboxed.ok()) return Fail(sandboxed.status());
   lumifold::threads::Event leave;
-  const lumifold::threads::Event never;
   WatchSignals(&leave).detach();  // before any other thread, which would take the signals
   const std::string name = lumifold::logging::OneWord(flags.name);
   const lumifold::worker::WorkerLog worker_log = MakeLog(flags, name);
   const std::shared_ptr<spdlog::logger>& log = worker_log.log;
+  device_log = log;
   LogSandbox(flags, *sandboxed, *log);
   LogStart(flags, *target, *memory_bytes, has_cache, *log);
+  if (!device->name.empty()) log->info("event=device name={}", lumifold::logging::Quoted(device->name));
   if (metrics->has_value()) log->info("event=metrics address={}", (*metrics)->address);
   const lumifold::worker::CertificateRenewal renewal({.profiles = profiles,
                                                       .profile = target->profile,
@@ -488,7 +545,7 @@ int RunWorkerProcess(const Flags& flags) {
       .tags = flags.tags,
       .memory_bytes = *memory_bytes,
       .renders = flags.finish != "only",
-      .finishing = PlacesOf(flags, *memory_bytes),
+      .finishing = PlacesOf(flags, *memory_bytes, device->device),
       .log = worker_log,
       .assets = {.folder = has_cache.ok() ? flags.asset_cache.folder : "",
                  .max_bytes = flags.asset_cache.gb << 30},
@@ -500,10 +557,7 @@ int RunWorkerProcess(const Flags& flags) {
       .alive = [&manager] { manager.Alive(); },
       .metrics = metrics->has_value() ? &**metrics : nullptr,
   };
-  const absl::Status status = lumifold::worker::RunWorker(
-      {.addresses = target->servers,
-       .connect = [&target](const std::string& address) { return Connect(address, target->security); }},
-      options, never);
+  const absl::Status status = Work(*target, options);
   manager.Stopping();
   if (!status.ok()) return ExitCodeOf(status, *log);
   log->info("event=stop name={} threads={} seconds={:.3f}", name, flags.threads,
@@ -514,6 +568,8 @@ int RunWorkerProcess(const Flags& flags) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 1 && std::string(argv[1]) == lumifold::device::kDeviceCommand)
+    return lumifold::device::RunDeviceProcess({argv + 2, argv + argc});
   lumifold::logging::SayLastWords("lumifold-worker");
   CLI::App app(
       "Renders units for a Lumifold coordinator. SIGINT or SIGTERM lets it finish or hand back its units and "

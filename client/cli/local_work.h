@@ -91,7 +91,7 @@ struct FilterMachine {
 /// Filters a film (channels of filter/image/layers.h) with `method`. Passes R G B and the channels named in
 /// `passed_on` to `sink`, in bands of rows from the top down. For a film without halves, halves are made from
 /// its one picture. `progress` is told the share that is done, between reads.
-/// Errors: those of filter::FilterFilmInRows and filter::OpenFilterDevice.
+/// Errors: those of filter::FilterFilmInRows and device::OpenDevice.
 using FilmFilter =
     std::function<absl::Status(FilmSource* film, const std::string& method, const FilterMachine& machine,
                                const std::vector<std::string>& passed_on, const RowSink& sink,

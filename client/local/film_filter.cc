@@ -10,6 +10,7 @@
 #include "filter/methods.h"
 #include "filter/opencl/device.h"
 #include "filter/opencl/filter_device.h"
+#include "proto/device/device_process.h"
 
 namespace lumifold::local {
 namespace {
@@ -38,11 +39,10 @@ class FilmWithHalves final : public FilmSource {
 absl::Status FilterFilm(FilmSource* film, const std::string& method, const client::FilterMachine& machine,
                         const std::vector<std::string>& passed_on, const RowSink& sink,
                         const std::function<void(double share)>& progress) {
-  absl::StatusOr<std::shared_ptr<filter::ManifoldDevice>> device =
-      filter::OpenFilterDevice(machine.device, machine.warn);
+  absl::StatusOr<filter::OpenedDevice> device =
+      device::OpenDevice({.choice = machine.device, .warn = machine.warn});
   if (!device.ok()) return device.status();
-  const std::unique_ptr<TaskPool> pool =
-      filter::WithDevice(MakeTaskPool(machine.threads), *std::move(device));
+  const std::unique_ptr<TaskPool> pool = filter::WithDevice(MakeTaskPool(machine.threads), device->device);
   FilmWithHalves halved(film, pool.get());
   return filter::FilterFilmInRows(&halved, method, passed_on, pool.get(), sink, {}, nullptr, progress);
 }

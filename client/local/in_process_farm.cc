@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "filter/opencl/filter_device.h"
+#include "proto/device/device_process.h"
 #include "proto/threads/event.h"
 #include "server/server.h"
 #include "worker/connection/connection.h"
@@ -71,10 +72,13 @@ class InProcessFarm final : public client::LocalFarm {
         server_(std::move(server)),
         channel_(server_->InProcessChannel()) {
     worker_ = std::thread([channel = channel_, threads, this] {
+      worker::WorkerOptions worker_options;
+      worker_options.name = "local";
+      worker_options.threads = threads;
       // Its own coordinator never refuses it, and errors of units fail the job.
       worker::RunWorker(
           {.addresses = {"in-process"}, .connect = [channel](const std::string&) { return channel; }},
-          {.name = "local", .threads = threads}, stop_)
+          worker_options, stop_)
           .IgnoreError();
     });
   }
@@ -107,10 +111,10 @@ absl::StatusOr<std::unique_ptr<client::LocalFarm>> StartLocalFarm(const client::
   server_options.only_one_worker = true;
   server_options.filter.threads = options.threads;
   const auto warnings = std::make_shared<Lines>();
-  absl::StatusOr<std::shared_ptr<filter::ManifoldDevice>> device =
-      filter::OpenFilterDevice(options.device, [warnings](const std::string& line) { warnings->Add(line); });
+  absl::StatusOr<filter::OpenedDevice> device = device::OpenDevice(
+      {.choice = options.device, .warn = [warnings](const std::string& line) { warnings->Add(line); }});
   if (!device.ok()) return device.status();
-  server_options.filter.device = *std::move(device);
+  server_options.filter.device = device->device;
   if (options.state_dir.empty()) {
     absl::StatusOr<std::unique_ptr<TemporaryFolder>> made = TemporaryFolder::Make();
     if (!made.ok()) return made.status();

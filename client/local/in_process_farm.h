@@ -11,7 +11,7 @@ namespace lumifold::local {
 /// render`. They run the same code as the daemons, so the picture is bit-identical to that of a farm; frames
 /// are filtered in this process, at its priority.
 /// Errors: those of server::Server::Start, such as a state folder that another coordinator uses; kUnavailable
-/// if no temporary folder can be created; those of filter::OpenFilterDevice.
+/// if no temporary folder can be created; those of device::OpenDevice.
 absl::StatusOr<std::unique_ptr<client::LocalFarm>> StartLocalFarm(const client::LocalFarmOptions& options);
 
 }  // namespace lumifold::local

@@ -3,12 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <chrono>
 #include <cmath>
-#include <condition_variable>
 #include <cstring>
 #include <map>
-#include <mutex>
 #include <type_traits>
 #include <utility>
 
@@ -25,9 +22,6 @@ namespace {
 
 /// Work-items of a group: a warp of every GPU, or two.
 constexpr size_t kGroup = 64;
-/// Within which the device has to do the work of one filtering; a frame of 1536 x 1536 pixels takes a GPU
-/// less than a second, and a processor that plays a device half a minute.
-constexpr std::chrono::minutes kTimeLimit(10);
 
 /// An object of OpenCL that is released at the end.
 template <typename T>
@@ -93,20 +87,11 @@ std::string CompilerOptions(const KernelOptions& options) {
   return text + absl::StrFormat(" -DkLeastSpread=%a", kLeastSpread);
 }
 
-/// Whether work has ended, told by a thread of the driver; it outlives whoever waits.
-struct Signal {
-  std::mutex mutex;
-  std::condition_variable changed;
-  bool has_ended = false;
-  cl_int status = CL_COMPLETE;
-};
-
 class OpenClRun final : public KernelRun {
  public:
   OpenClRun(const OpenClLibrary& cl, cl_context context, cl_command_queue queue, cl_program program)
       : cl_(cl), context_(context), queue_(queue), program_(program) {}
   ~OpenClRun() override {
-    if (is_hung_) return;  // what waits for a device that hangs would hang, too
     for (cl_mem memory : buffers_) {
       if (memory != nullptr) cl_.clReleaseMemObject(memory);
     }
@@ -155,31 +140,7 @@ class OpenClRun final : public KernelRun {
 
   absl::Status Finish() override {
     if (!status_.ok()) return status_;
-    cl_event event = nullptr;
-    if (!Note(cl_.clEnqueueMarkerWithWaitList(queue_, 0, nullptr, &event), "clEnqueueMarkerWithWaitList"))
-      return status_;
-    const Held<cl_event> held(event, cl_.clReleaseEvent);
-    const auto signal = std::make_shared<Signal>();
-    auto* const shared = new std::shared_ptr<Signal>(signal);
-    const auto end = [](cl_event, cl_int status, void* data) {
-      const std::unique_ptr<std::shared_ptr<Signal>> own(static_cast<std::shared_ptr<Signal>*>(data));
-      const std::lock_guard lock((*own)->mutex);
-      (*own)->has_ended = true;
-      (*own)->status = status;
-      (*own)->changed.notify_all();
-    };
-    if (!Note(cl_.clSetEventCallback(event, CL_COMPLETE, end, shared), "clSetEventCallback")) {
-      delete shared;
-      return status_;
-    }
-    Note(cl_.clFlush(queue_), "clFlush");
-    std::unique_lock lock(signal->mutex);
-    if (!signal->changed.wait_for(lock, kTimeLimit, [&] { return signal->has_ended; })) {
-      is_hung_ = true;
-      status_ = absl::DeadlineExceededError("the device does not answer");
-    } else if (signal->status < 0) {
-      Note(signal->status, "the device");
-    }
+    Note(cl_.clFinish(queue_), "clFinish");
     return status_;
   }
 
@@ -203,7 +164,6 @@ class OpenClRun final : public KernelRun {
   const cl_program program_;
   std::vector<cl_mem> buffers_;
   absl::Status status_;
-  bool is_hung_ = false;
 };
 
 /// Runs the kernel Probe and compares with this processor.

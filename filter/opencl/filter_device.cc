@@ -1,7 +1,10 @@
 #include "filter/opencl/filter_device.h"
 
+#include <algorithm>
+#include <filesystem>
 #include <mutex>
 #include <optional>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -14,11 +17,13 @@ namespace lumifold::filter {
 namespace {
 
 constexpr std::string_view kNumbered = "gpu:";
+/// Of the kernel's drivers and NVIDIA's, AMD's, WSL's and ARM's.
+constexpr const char* kGpuFiles[] = {"/dev/dri", "/dev/nvidiactl", "/dev/kfd", "/dev/dxg", "/dev/mali0"};
 
 class FilterDevice final : public ManifoldDevice {
  public:
-  FilterDevice(std::string name, std::unique_ptr<Device> device, DeviceWarning warn)
-      : name_(std::move(name)), warn_(std::move(warn)), device_(std::move(device)) {}
+  FilterDevice(std::unique_ptr<Device> device, DeviceWarning warn)
+      : warn_(std::move(warn)), device_(std::move(device)) {}
 
   std::optional<ManifoldResult> Filter(const ManifoldCall& call) override {
     const std::lock_guard lock(mutex_);
@@ -26,7 +31,7 @@ class FilterDevice final : public ManifoldDevice {
     absl::StatusOr<ManifoldResult> result = Run(call);
     if (result.ok()) return *std::move(result);
     has_failed_ = true;
-    warn_(absl::StrCat(name_, " fails, this processor filters instead: ", result.status().message()));
+    warn_(std::string(result.status().message()));
     return std::nullopt;
   }
 
@@ -37,7 +42,6 @@ class FilterDevice final : public ManifoldDevice {
     return RunManifolds(call, run->get());
   }
 
-  const std::string name_;
   const DeviceWarning warn_;
   std::mutex mutex_;
   const std::unique_ptr<Device> device_;  // used by one thread at a time
@@ -64,7 +68,7 @@ absl::StatusOr<size_t> FirstGpu(const std::vector<DeviceInfo>& devices) {
       absl::StrCat("OpenCL has no GPU here that gives this processor's bits", refusals));
 }
 
-absl::StatusOr<std::shared_ptr<ManifoldDevice>> Open(std::string_view choice, DeviceWarning warn) {
+absl::StatusOr<OpenedDevice> Open(std::string_view choice, DeviceWarning warn) {
   const absl::StatusOr<std::vector<DeviceInfo>> devices = ListDevices();
   if (!devices.ok()) return devices.status();
   absl::StatusOr<size_t> number = 0;
@@ -75,14 +79,20 @@ absl::StatusOr<std::shared_ptr<ManifoldDevice>> Open(std::string_view choice, De
   if (!number.ok()) return number.status();
   absl::StatusOr<std::unique_ptr<Device>> device = OpenDevice(*number);
   if (!device.ok()) return device.status();
-  return MakeFilterDevice((*devices)[*number].name, *std::move(device), std::move(warn));
+  return OpenedDevice{(*devices)[*number].name, MakeFilterDevice(*std::move(device), std::move(warn))};
 }
 
 }  // namespace
 
-std::shared_ptr<ManifoldDevice> MakeFilterDevice(std::string name, std::unique_ptr<Device> device,
-                                                 DeviceWarning warn) {
-  return std::make_shared<FilterDevice>(std::move(name), std::move(device), std::move(warn));
+bool MayHaveGpu() {
+  return std::any_of(std::begin(kGpuFiles), std::end(kGpuFiles), [](const char* path) {
+    std::error_code ignored;  // what cannot be looked at cannot be used
+    return std::filesystem::exists(path, ignored);
+  });
+}
+
+std::shared_ptr<ManifoldDevice> MakeFilterDevice(std::unique_ptr<Device> device, DeviceWarning warn) {
+  return std::make_shared<FilterDevice>(std::move(device), std::move(warn));
 }
 
 absl::Status CheckDeviceChoice(std::string_view choice) {
@@ -92,12 +102,11 @@ absl::Status CheckDeviceChoice(std::string_view choice) {
       absl::StrCat("\"", std::string(choice), "\" is no device; there are: auto, cpu, gpu, gpu:N"));
 }
 
-absl::StatusOr<std::shared_ptr<ManifoldDevice>> OpenFilterDevice(std::string_view choice,
-                                                                 DeviceWarning warn) {
+absl::StatusOr<OpenedDevice> OpenFilterDevice(std::string_view choice, DeviceWarning warn) {
   if (absl::Status status = CheckDeviceChoice(choice); !status.ok()) return status;
-  if (choice == "cpu") return nullptr;
-  absl::StatusOr<std::shared_ptr<ManifoldDevice>> device = Open(choice, std::move(warn));
-  if (!device.ok() && choice == "auto") return nullptr;
+  if (choice == "cpu") return OpenedDevice{};
+  absl::StatusOr<OpenedDevice> device = Open(choice, std::move(warn));
+  if (!device.ok() && choice == "auto") return OpenedDevice{};
   return device;
 }
 

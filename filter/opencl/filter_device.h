@@ -12,23 +12,30 @@
 
 namespace lumifold::filter {
 
-/// Receives one line about a device that fails.
-using DeviceWarning = std::function<void(const std::string& line)>;
+/// Receives why a device has failed.
+using DeviceWarning = std::function<void(const std::string& reason)>;
 
 /// Whether OpenFilterDevice() knows the word: "auto", "cpu", "gpu" or "gpu:N". Asks no driver.
 /// Errors: kInvalidArgument.
 absl::Status CheckDeviceChoice(std::string_view choice);
 
+/// Whether this machine has a file by which drivers reach a GPU. Asks no driver, which would take longer.
+bool MayHaveGpu();
+
 /// Filters on `device`. If it fails it is given up for good: `warn` is told, once, and the processor filters.
-std::shared_ptr<ManifoldDevice> MakeFilterDevice(std::string name, std::unique_ptr<Device> device,
-                                                 DeviceWarning warn);
+std::shared_ptr<ManifoldDevice> MakeFilterDevice(std::unique_ptr<Device> device, DeviceWarning warn);
+
+struct OpenedDevice {
+  std::string name;
+  std::shared_ptr<ManifoldDevice> device;  // null: there is none
+};
 
 /// MakeFilterDevice with the device that is chosen, opened:
-///   cpu    none: null;
+///   cpu    none;
 ///   gpu    the first GPU that gives this processor's bits;
 ///   gpu:N  device N of ListDevices(), whatever it is;
-///   auto   that of gpu, or null where there is none.
+///   auto   that of gpu, or none where there is none.
 /// Errors: those of CheckDeviceChoice and OpenDevice; kFailedPrecondition: there is no such GPU.
-absl::StatusOr<std::shared_ptr<ManifoldDevice>> OpenFilterDevice(std::string_view choice, DeviceWarning warn);
+absl::StatusOr<OpenedDevice> OpenFilterDevice(std::string_view choice, DeviceWarning warn);
 
 }  // namespace lumifold::filter

@@ -45,8 +45,7 @@ class KernelRun {
   /// Runs `items` work-items of a kernel.
   virtual void Run(const char* kernel, size_t items, std::initializer_list<Argument> arguments) = 0;
   /// Waits for all work.
-  /// Errors: the first of all calls: kResourceExhausted for memory, kDeadlineExceeded for a device that does
-  ///         not answer, others of the device, naming the call.
+  /// Errors: the first of all calls: kResourceExhausted for memory, others of the device, naming the call.
   virtual absl::Status Finish() = 0;
   /// After Finish().
   virtual absl::Status Read(Buffer from, size_t offset, size_t bytes, void* to) = 0;

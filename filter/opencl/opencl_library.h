@@ -14,11 +14,10 @@
   F(clCreateContext)                 \
   F(clCreateKernel)                  \
   F(clCreateProgramWithSource)       \
-  F(clEnqueueMarkerWithWaitList)     \
   F(clEnqueueNDRangeKernel)          \
   F(clEnqueueReadBuffer)             \
   F(clEnqueueWriteBuffer)            \
-  F(clFlush)                         \
+  F(clFinish)                        \
   F(clGetDeviceIDs)                  \
   F(clGetDeviceInfo)                 \
   F(clGetPlatformIDs)                \
@@ -26,11 +25,9 @@
   F(clGetProgramBuildInfo)           \
   F(clReleaseCommandQueue)           \
   F(clReleaseContext)                \
-  F(clReleaseEvent)                  \
   F(clReleaseKernel)                 \
   F(clReleaseMemObject)              \
   F(clReleaseProgram)                \
-  F(clSetEventCallback)              \
   F(clSetKernelArg)
 
 namespace lumifold::filter {

@@ -106,6 +106,8 @@ class Preparation {
     if (stream == Stream::kStandardError) posix_spawn_file_actions_adddup2(&actions_, STDERR_FILENO, target);
   }
 
+  void SetFile(int target, int file) { posix_spawn_file_actions_adddup2(&actions_, file, target); }
+
   absl::StatusOr<pid_t> Spawn(const std::vector<std::string>& words,
                               const std::vector<std::string>& environment) const {
     pid_t pid = -1;
@@ -141,7 +143,10 @@ absl::StatusOr<std::unique_ptr<Child>> Child::Start(const ChildOptions& options)
   absl::StatusOr<Pipe> err = MakePipe(options.err);
   if (!err.ok()) return err.status();
   Preparation preparation(options.own_group);
-  preparation.Set(STDIN_FILENO, options.in, {});
+  if (options.in == Stream::kFile)
+    preparation.SetFile(STDIN_FILENO, options.in_file);
+  else
+    preparation.Set(STDIN_FILENO, options.in, {});
   preparation.Set(STDOUT_FILENO, options.out, *out);
   preparation.Set(STDERR_FILENO, options.err, *err);
   const absl::StatusOr<pid_t> pid = preparation.Spawn(options.words, ChangedEnvironment(options.environment));

@@ -24,6 +24,7 @@ enum class Stream {
   kNothing,        // /dev/null
   kPipe,           // of out and err: what Child::ReadOutput reads
   kStandardError,  // of out: this process's standard error
+  kFile,           // of in: ChildOptions::in_file
 };
 
 struct ChildOptions {
@@ -33,6 +34,7 @@ struct ChildOptions {
   /// all that begin so.
   std::vector<std::string> environment = {};
   Stream in = Stream::kInherited;
+  int in_file = -1;  // a descriptor
   Stream out = Stream::kInherited;
   Stream err = Stream::kInherited;
   /// A process group of its own, so that Kill reaches the child's children, and Ctrl-C does not reach it.

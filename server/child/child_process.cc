@@ -44,11 +44,15 @@ absl::StatusOr<std::string> ReadAnswer(std::string answer, const subprocess::Exi
   return absl::Status(static_cast<absl::StatusCode>(code), answer.substr(space + 1));
 }
 
-absl::StatusOr<std::unique_ptr<Child>> Start(std::vector<std::string> words, const std::string& store) {
+/// `connection`: to the device, if it is valid.
+absl::StatusOr<std::unique_ptr<Child>> Start(std::vector<std::string> words, const std::string& store,
+                                             const rpc::FileHandle& connection) {
   const std::string program = words.front();
   absl::StatusOr<std::unique_ptr<Child>> child =
       Child::Start({.words = std::move(words),
                     .environment = {absl::StrCat(ledger::kStoreVariable, "=", store)},
+                    .in = connection.get() < 0 ? subprocess::Stream::kInherited : subprocess::Stream::kFile,
+                    .in_file = connection.get(),
                     .out = subprocess::Stream::kPipe});
   if (child.ok()) return child;
   return absl::Status(child.status().code(), absl::StrCat(program, ": ", child.status().message()));
@@ -57,15 +61,21 @@ absl::StatusOr<std::unique_ptr<Child>> Start(std::vector<std::string> words, con
 }  // namespace
 
 absl::StatusOr<std::string> ChildProcess::Run(const ChildWork& work) {
-  std::vector<std::string> words = {options_.program, work.command, work.root, absl::StrCat(work.threads),
-                                    absl::StrCat(options_.memory_limit_bytes)};
+  rpc::FileHandle connection = options_.device == nullptr ? rpc::FileHandle() : options_.device->Connect();
+  std::vector<std::string> words = {options_.program,
+                                    work.command,
+                                    work.root,
+                                    absl::StrCat(work.threads),
+                                    absl::StrCat(options_.memory_limit_bytes),
+                                    connection.get() < 0 ? "" : kOnDevice};
   words.insert(words.end(), work.arguments.begin(), work.arguments.end());
   absl::StatusOr<std::unique_ptr<Child>> child;
   std::list<Running>::iterator running;
   {
     absl::MutexLock lock(&mutex_);
     if (cancelled_) return absl::CancelledError("the coordinator is stopping");
-    child = Start(std::move(words), options_.store);
+    child = Start(std::move(words), options_.store, connection);
+    connection = {};  // the child's alone, so that the device sees its end
     if (!child.ok()) return child.status();
     running = running_.insert(running_.end(), {.job = work.job, .child = child->get()});
   }
@@ -75,6 +85,7 @@ absl::StatusOr<std::string> ChildProcess::Run(const ChildWork& work) {
       (*child)->ReadOutput(rpc::MonotonicNow() + options_.time_limit, kAnyBytes, &output, on_news);
   if (!is_in_time) (*child)->Kill();
   const absl::StatusOr<subprocess::ExitStatus> exit = (*child)->Wait();
+  if (options_.device != nullptr) options_.device->CheckFailure();
   absl::MutexLock lock(&mutex_);
   const bool is_cancelled = running->is_cancelled;
   running_.erase(running);

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <list>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
+#include "proto/device/device_process.h"
 #include "proto/subprocess/child.h"
 #include "server/job/ids.h"
 
@@ -25,11 +27,13 @@ struct ChildProcessOptions {
   uint64_t memory_limit_bytes = 0;
   /// A child that runs longer is killed.
   absl::Duration time_limit = absl::InfiniteDuration();
+  /// Filters for the children; null: the processor does.
+  std::shared_ptr<device::DeviceProcess> device = nullptr;
 };
 
 /// What a child is to do.
 struct ChildWork {
-  /// First argument; the data folder, `threads` and the limit of memory follow, then `arguments`.
+  /// First argument; the data folder, `threads`, the limit of memory and kOnDevice follow, then `arguments`.
   std::string command;
   std::string root;
   int threads = 1;

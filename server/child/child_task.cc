@@ -2,6 +2,7 @@
 
 #include <signal.h>
 #include <sys/prctl.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstdlib>
@@ -12,6 +13,9 @@
 #include "absl/strings/str_cat.h"
 #include "filter/image/exr_io.h"
 #include "filter/image/memory.h"
+#include "filter/manifold/manifold_device.h"
+#include "proto/device/device_process.h"
+#include "proto/rpc/byte_stream.h"
 #include "proto/sandbox/sandbox.h"
 #include "server/ledger/open_job_store.h"
 
@@ -20,7 +24,7 @@ namespace {
 
 constexpr int kFailed = 1;
 /// Of ChildProcess::Run, before the arguments of the task.
-constexpr size_t kCommonArguments = 3;
+constexpr size_t kCommonArguments = 4;
 
 /// Tells the parent of a share that is further by a per cent.
 class ShareWriter {
@@ -59,6 +63,12 @@ absl::Status SandboxThisProcess(const DataFolder& folder, const std::string& sto
   return sandbox::EnterSandbox(options).status();
 }
 
+/// The parent's device. The parent tells of its failure.
+std::shared_ptr<filter::ManifoldDevice> DeviceOfParent() {
+  return device::MakeDeviceLink(rpc::FileHandle(STDIN_FILENO),
+                                device::DeviceProcessOptions::DefaultTimeLimit(), [] {});
+}
+
 absl::StatusOr<std::string> RunInChild(const std::vector<std::string>& arguments, int niceness,
                                        const ChildBody& body) {
   int threads = 0;
@@ -83,7 +93,8 @@ absl::StatusOr<std::string> RunInChild(const std::vector<std::string>& arguments
     return status;
   KeepFreedMemory();
   SetExrThreads(threads);
-  const std::unique_ptr<TaskPool> pool = MakeTaskPool(threads);
+  const std::unique_ptr<TaskPool> pool =
+      filter::WithDevice(MakeTaskPool(threads), arguments[3] == kOnDevice ? DeviceOfParent() : nullptr);
   try {
     return body({folder,
                  **store,

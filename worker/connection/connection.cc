@@ -425,7 +425,9 @@ class Worker {
         spec_source_(MakeRemoteSpecSource(&current_, options.log.labels)),
         frame_link_(MakeRemoteFrameLink(&current_, options.log.labels)),
         impl_(options.threads, &specs_, &renderer_, options.log,
-              {.link = frame_link_.get(), .numeric_class = render::NumericClass()}) {}
+              {.link = frame_link_.get(),
+               .numeric_class = render::NumericClass(),
+               .device = options.finishing.device}) {}
 
   absl::Status Run(const Coordinators& coordinators, const threads::Event& stop) {
     std::unique_ptr<monitoring::Endpoint> endpoint;

@@ -15,6 +15,9 @@
 namespace grpc {
 class Channel;
 }
+namespace lumifold::filter {
+class ManifoldDevice;
+}
 namespace lumifold::monitoring {
 struct EndpointSockets;
 }
@@ -28,6 +31,8 @@ struct FinishPlaces {
   uint64_t memory_bytes = 0;
   /// Memory for units of frames that it keeps until it finishes them.
   uint64_t keep_bytes = 0;
+  /// Filters for them; null: the threads do.
+  std::shared_ptr<filter::ManifoldDevice> device = nullptr;
 };
 
 /// Where assets are kept for other workers of this machine and later ones, see AssetFolder.

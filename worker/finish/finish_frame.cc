@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <memory>
 #include <new>
 #include <optional>
 #include <utility>
@@ -11,6 +12,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "filter/image/file_calls.h"
+#include "filter/image/parallel.h"
+#include "filter/manifold/manifold_device.h"
 #include "lumifold/v1/rounds.pb.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/monotonic.h"
@@ -109,28 +112,28 @@ absl::StatusOr<std::string> Sha256Of(const rpc::FileHandle& file) {
 }
 
 absl::StatusOr<std::string> FilterBlock(const server::CompleteFrame& frame, int block,
-                                        const film::LevelSet& levels) {
+                                        const film::LevelSet& levels, TaskPool* pool) {
   if (block < 0 || block >= server::FrameBlocks(frame.spec).count())
     return absl::InvalidArgumentError("the frame has no such block");
-  return server::MakeBlock(frame, block, levels, /*pool=*/nullptr);
+  return server::MakeBlock(frame, block, levels, pool);
 }
 
-absl::StatusOr<std::string> EstimateRound(const server::CompleteFrame& frame, int round) {
+absl::StatusOr<std::string> EstimateRound(const server::CompleteFrame& frame, int round, TaskPool* pool) {
   if (frame.rounds == nullptr || round < 1 || round >= frame.rounds->count())
     return absl::InvalidArgumentError("the frame has no such round");
   const absl::StatusOr<std::vector<double>> errors =
-      server::EstimateErrors(frame.spec, frame.frame, *frame.rounds, round, frame.units, /*pool=*/nullptr);
+      server::EstimateErrors(frame.spec, frame.frame, *frame.rounds, round, frame.units, pool);
   if (!errors.ok()) return errors.status();
   return server::BytesOfErrors(*errors);
 }
 
 /// What the coordinator makes a result of, as the file kResult.
 absl::StatusOr<v1::FrameReport> MakePart(const server::CompleteFrame& frame, const v1::UnitId& unit,
-                                         const film::LevelSet& levels, MemoryFiles* files) {
+                                         const film::LevelSet& levels, TaskPool* pool, MemoryFiles* files) {
   const absl::Time start = rpc::MonotonicNow();
   const absl::StatusOr<std::string> made = unit.kind() == v1::UNIT_KIND_BLOCK
-                                               ? FilterBlock(frame, unit.tile(), levels)
-                                               : EstimateRound(frame, unit.pass());
+                                               ? FilterBlock(frame, unit.tile(), levels, pool)
+                                               : EstimateRound(frame, unit.pass(), pool);
   if (!made.ok()) return made.status();
   const rpc::FileHandle file(files->Open(kResult, O_RDWR | O_CREAT));
   if (file.get() < 0) return FileError(kResult, file.get());
@@ -141,16 +144,17 @@ absl::StatusOr<v1::FrameReport> MakePart(const server::CompleteFrame& frame, con
   return report;
 }
 
-absl::Status Finish(const v1::JobSpec& spec, const std::string& numeric_class, const v1::Lease& lease,
-                    rpc::FileHandle kept, FrameLink* link, UnitControl* control) {
+absl::Status Finish(const v1::JobSpec& spec, const v1::Lease& lease, rpc::FileHandle kept,
+                    const FrameWork& work, UnitControl* control) {
+  const std::unique_ptr<TaskPool> pool = filter::WithDevice(MakeTaskPool(1), work.device);
   MemoryFiles files;
   const absl::StatusOr<FetchedFrame> fetched =
-      kept.get() >= 0 ? OpenKept(lease, std::move(kept)) : Fetch(spec, lease, link, control, &files);
+      kept.get() >= 0 ? OpenKept(lease, std::move(kept)) : Fetch(spec, lease, work.link, control, &files);
   if (!fetched.ok()) return fetched.status();
   const std::optional<job::FrameRounds>& rounds = fetched->rounds;
   const server::CompleteFrame frame = {.spec = spec,
                                        .frame = lease.unit().frame(),
-                                       .numeric_class = numeric_class,
+                                       .numeric_class = work.numeric_class,
                                        .units = fetched->units,
                                        .rounds = rounds.has_value() ? &*rounds : nullptr,
                                        .progress = [control](double share) {
@@ -159,11 +163,11 @@ absl::Status Finish(const v1::JobSpec& spec, const std::string& numeric_class, c
                                        }};
   const absl::StatusOr<v1::FrameReport> report =
       lease.unit().kind() != v1::UNIT_KIND_RESULT
-          ? MakePart(frame, lease.unit(), fetched->levels, &files)
+          ? MakePart(frame, lease.unit(), fetched->levels, pool.get(), &files)
           : server::MakePicture(
                 frame,
                 {.path = kResult, .files = &files, .may_commit = [&] { return CheckWanted(*control); }},
-                /*pool=*/nullptr, rpc::MonotonicNow);
+                pool.get(), rpc::MonotonicNow);
   if (!report.ok()) return report.status();
   ++control->progress;
   rpc::FileHandle result = files.Take(kResult);
@@ -172,7 +176,7 @@ absl::Status Finish(const v1::JobSpec& spec, const std::string& numeric_class, c
   absl::StatusOr<rpc::ByteSender> sender = rpc::ByteSender::OfFile(std::move(result), kResult, 0);
   if (!sender.ok()) return sender.status();
   sender->SetSha256(*std::move(sha256));
-  return link->DeliverResult(lease, *report, [&](v1::ByteChunk* chunk) -> absl::StatusOr<bool> {
+  return work.link->DeliverResult(lease, *report, [&](v1::ByteChunk* chunk) -> absl::StatusOr<bool> {
     ++control->progress;
     if (absl::Status status = CheckWanted(*control); !status.ok()) return status;
     return sender->Next(chunk);
@@ -181,10 +185,10 @@ absl::Status Finish(const v1::JobSpec& spec, const std::string& numeric_class, c
 
 }  // namespace
 
-absl::Status FinishFrame(const v1::JobSpec& spec, const std::string& numeric_class, const v1::Lease& lease,
-                         rpc::FileHandle kept, FrameLink* link, UnitControl* control) {
+absl::Status FinishFrame(const v1::JobSpec& spec, const v1::Lease& lease, rpc::FileHandle kept,
+                         const FrameWork& work, UnitControl* control) {
   try {
-    return Finish(spec, numeric_class, lease, std::move(kept), link, control);
+    return Finish(spec, lease, std::move(kept), work, control);
   } catch (const std::bad_alloc&) {
     return scene::OutOfMemory("the frame");
   }

@@ -14,7 +14,6 @@
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/trace_context.h"
 #include "spdlog/spdlog.h"
-#include "worker/finish/finish_frame.h"
 #include "worker/scene/out_of_memory.h"
 #include "worker/units/unit_messages.h"
 
@@ -346,8 +345,7 @@ absl::Status LeaseRunner::Finish(const TakenPtr& taken, const v1::JobSpec& spec)
     kept = units_.kept().Open(lease.unit());
     if (!kept.ok()) return kept.status();
   }
-  const absl::Status finished =
-      FinishFrame(spec, frames_.numeric_class, lease, *std::move(kept), frames_.link, &taken->control);
+  const absl::Status finished = FinishFrame(spec, lease, *std::move(kept), frames_, &taken->control);
   if (!finished.ok()) return finished;
   absl::MutexLock lock(&mutex_);
   if (lease.keep() && units_.IsHeld(taken)) units_.kept().Drop(lease.unit());

@@ -12,7 +12,7 @@
 #include "absl/time/time.h"
 #include "lumifold/v1/worker.pb.h"
 #include "worker/cache/spec_cache.h"
-#include "worker/finish/frame_link.h"
+#include "worker/finish/finish_frame.h"
 #include "worker/leases/held_units.h"
 #include "worker/leases/thread_account.h"
 #include "worker/leases/thread_activities.h"
@@ -28,12 +28,6 @@ class Outbox {
  public:
   virtual ~Outbox() = default;
   virtual void Send(v1::WorkerMessage message) = 0;
-};
-
-/// How a worker finishes frames.
-struct FrameWork {
-  FrameLink* link = nullptr;  // null: it finishes none
-  std::string numeric_class;  // the worker's
 };
 
 /// The worker's side of the protocol, independent of the network: handles the coordinator's messages, renders

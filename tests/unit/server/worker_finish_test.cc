@@ -80,7 +80,8 @@ class WorkerFinishTest : public CommittedFrameFixture {
     v1::Lease lease;
     lease.mutable_unit()->set_job_id(job_.value());
     lease.mutable_unit()->set_kind(v1::UNIT_KIND_RESULT);
-    return worker::FinishFrame(job.spec, job.numeric_class, lease, rpc::FileHandle(), &link_, &control_);
+    return worker::FinishFrame(job.spec, lease, rpc::FileHandle(),
+                               {.link = &link_, .numeric_class = job.numeric_class}, &control_);
   }
   absl::Status Finish() { return Finish(*store_->GetJob(job_)); }
 
@@ -118,8 +119,8 @@ TEST_F(WorkerFinishTest, MakesTheSameOfUnitsThatItHasKept) {
   v1::Lease lease;
   lease.mutable_unit()->set_kind(v1::UNIT_KIND_RESULT);
   lease.set_keep(true);
-  const absl::Status finished =
-      worker::FinishFrame(job.spec, job.numeric_class, lease, std::move(kept), &link_, &control_);
+  const absl::Status finished = worker::FinishFrame(
+      job.spec, lease, std::move(kept), {.link = &link_, .numeric_class = job.numeric_class}, &control_);
   ASSERT_TRUE(finished.ok()) << finished;
   EXPECT_EQ(link_.delivered, Result(job_));
 }
@@ -143,7 +144,8 @@ TEST_F(WorkerFinishTest, DeliversABlockOfALargeFrame) {
   lease.mutable_unit()->set_kind(v1::UNIT_KIND_BLOCK);
   lease.mutable_unit()->set_tile(3);
   const absl::Status finished =
-      worker::FinishFrame(record.spec, record.numeric_class, lease, rpc::FileHandle(), &link, &control_);
+      worker::FinishFrame(record.spec, lease, rpc::FileHandle(),
+                          {.link = &link, .numeric_class = record.numeric_class}, &control_);
   ASSERT_TRUE(finished.ok()) << finished;
   EXPECT_EQ(link.delivered,
             *MakeBlock({.spec = record.spec, .numeric_class = "", .units = units}, 3, levels, nullptr));
@@ -153,7 +155,8 @@ TEST_F(WorkerFinishTest, DeliversABlockOfALargeFrame) {
   std::ifstream file(folder_.BlockPath(job, 0, 3), std::ios::binary);
   EXPECT_TRUE(std::string(std::istreambuf_iterator<char>(file), {}) == link.delivered);
   lease.mutable_unit()->set_tile(4);
-  EXPECT_EQ(worker::FinishFrame(record.spec, record.numeric_class, lease, rpc::FileHandle(), &link, &control_)
+  EXPECT_EQ(worker::FinishFrame(record.spec, lease, rpc::FileHandle(),
+                                {.link = &link, .numeric_class = record.numeric_class}, &control_)
                 .code(),
             absl::StatusCode::kInvalidArgument);
 }
@@ -178,8 +181,8 @@ class AdaptiveFinishTest : public CommittedFrameFixture {
     lease.mutable_unit()->set_job_id(job_.value());
     lease.mutable_unit()->set_kind(kind);
     lease.mutable_unit()->set_pass(round);
-    return worker::FinishFrame(record_.spec, record_.numeric_class, lease, rpc::FileHandle(), &link_,
-                               &control_);
+    return worker::FinishFrame(record_.spec, lease, rpc::FileHandle(),
+                               {.link = &link_, .numeric_class = record_.numeric_class}, &control_);
   }
   /// By the coordinator; `filtered`: a worker has done that.
   absl::Status Estimate(int round, bool filtered = false) {

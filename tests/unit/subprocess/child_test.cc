@@ -1,6 +1,7 @@
 #include "proto/subprocess/child.h"
 
 #include <gmock/gmock.h>
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 
@@ -88,6 +89,16 @@ TEST_F(ChildTest, ItsStreamsAreWhatTheOptionsSay) {
   const Output output = ReadAll();
   EXPECT_EQ(output.out, "");
   EXPECT_EQ(output.err, "err\n");
+  EXPECT_EQ(child_->Wait()->code, 0);
+}
+
+TEST_F(ChildTest, ItsStandardInputIsTheFileOfTheOptions) {
+  const rpc::FileHandle file(open("/proc/self/comm", O_RDONLY | O_CLOEXEC));
+  ChildOptions options = Shell("cat");
+  options.in = Stream::kFile;
+  options.in_file = file.get();
+  Start(options);
+  EXPECT_EQ(ReadAll().out, "subprocess_test\n");
   EXPECT_EQ(child_->Wait()->code, 0);
 }
 

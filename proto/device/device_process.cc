@@ -1,0 +1,212 @@
+#include "proto/device/device_process.h"
+
+#include <poll.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "proto/device/call_messages.h"
+#include "proto/device/serve_device.h"
+#include "proto/device/socket_stream.h"
+#include "proto/rpc/monotonic.h"
+
+namespace lumifold::device {
+namespace {
+
+constexpr absl::Duration kTimeLimit = absl::Seconds(150);
+/// Calls of others that one may wait for.
+constexpr int kQueue = 16;
+/// From the end of a connection to the words about it.
+constexpr absl::Duration kLastWords = absl::Seconds(1);
+/// For the process to end; a driver may keep it.
+constexpr absl::Duration kEnd = absl::Seconds(1);
+constexpr size_t kMessageBytes = 4096;
+
+struct Ends {
+  rpc::FileHandle here;
+  rpc::FileHandle there;
+};
+absl::StatusOr<Ends> MakeSockets(int type) {
+  std::array<int, 2> ends = {-1, -1};
+  if (socketpair(AF_UNIX, type | SOCK_CLOEXEC, 0, ends.data()) != 0)
+    return absl::UnavailableError(absl::StrCat("a socket: ", std::strerror(errno)));
+  return Ends{rpc::FileHandle(ends[0]), rpc::FileHandle(ends[1])};
+}
+
+/// The next message of the process, whose first character says what it is; empty: it has ended; nullopt: it
+/// has said nothing for `patience`.
+std::optional<std::string> NextMessage(int control, absl::Duration patience) {
+  pollfd file = {control, POLLIN, 0};
+  const auto milliseconds = std::min<int64_t>(absl::ToInt64Milliseconds(patience), 1 << 30);
+  int ready = 0;
+  do ready = poll(&file, 1, static_cast<int>(milliseconds));
+  while (ready < 0 && errno == EINTR);
+  if (ready == 0) return std::nullopt;
+  std::string text(kMessageBytes, '\0');
+  const ssize_t count = recv(control, text.data(), text.size(), MSG_DONTWAIT);
+  text.resize(static_cast<size_t>(std::max<ssize_t>(count, 0)));
+  return text;
+}
+
+/// Sends a descriptor, of which the process gets one of its own.
+bool SendDescriptor(int control, int descriptor) {
+  char byte = 0;
+  iovec bytes = {&byte, 1};
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> space = {};
+  msghdr message = {};
+  message.msg_iov = &bytes;
+  message.msg_iovlen = 1;
+  message.msg_control = space.data();
+  message.msg_controllen = space.size();
+  cmsghdr* const part = CMSG_FIRSTHDR(&message);
+  part->cmsg_level = SOL_SOCKET;
+  part->cmsg_type = SCM_RIGHTS;
+  part->cmsg_len = CMSG_LEN(sizeof(int));
+  std::memcpy(CMSG_DATA(part), &descriptor, sizeof(int));
+  return sendmsg(control, &message, MSG_NOSIGNAL) == 1;
+}
+
+class DeviceLink final : public filter::ManifoldDevice {
+ public:
+  DeviceLink(rpc::FileHandle connection, absl::Duration time_limit, std::function<void()> on_failure)
+      : connection_(std::move(connection)),
+        stream_(connection_.get(), kQueue * time_limit),
+        on_failure_(std::move(on_failure)) {}
+
+  std::optional<filter::ManifoldResult> Filter(const filter::ManifoldCall& call) override {
+    absl::MutexLock lock(&mutex_);
+    if (has_failed_) return std::nullopt;
+    std::optional<filter::ManifoldResult> result;
+    if (SendCall(call, &stream_)) result = ReceiveResult(call, &stream_);
+    if (result.has_value()) return result;
+    has_failed_ = true;
+    on_failure_();
+    return std::nullopt;
+  }
+
+ private:
+  const rpc::FileHandle connection_;
+  absl::Mutex mutex_;
+  SocketStream stream_ ABSL_GUARDED_BY(mutex_);
+  const std::function<void()> on_failure_;
+  bool has_failed_ ABSL_GUARDED_BY(mutex_) = false;
+};
+
+/// A link that keeps its process.
+class OwnDevice final : public filter::ManifoldDevice {
+ public:
+  explicit OwnDevice(std::unique_ptr<DeviceProcess> process)
+      : process_(std::move(process)), link_(process_->Link()) {}
+
+  std::optional<filter::ManifoldResult> Filter(const filter::ManifoldCall& call) override {
+    return link_->Filter(call);
+  }
+
+ private:
+  const std::unique_ptr<DeviceProcess> process_;
+  const std::shared_ptr<filter::ManifoldDevice> link_;
+};
+
+}  // namespace
+
+absl::Duration DeviceProcessOptions::DefaultTimeLimit() {
+  const char* const text = std::getenv("LUMIFOLD_DEVICE_SECONDS");
+  double seconds = 0;
+  if (text == nullptr || !absl::SimpleAtod(text, &seconds) || !(seconds > 0)) return kTimeLimit;
+  return absl::Seconds(seconds);
+}
+
+absl::StatusOr<std::unique_ptr<DeviceProcess>> DeviceProcess::Start(DeviceProcessOptions options) {
+  if (absl::Status status = filter::CheckDeviceChoice(options.choice); !status.ok()) return status;
+  const bool is_auto = options.choice == "auto";
+  if (options.choice == "cpu" || (is_auto && !filter::MayHaveGpu())) return nullptr;
+  absl::StatusOr<Ends> control = MakeSockets(SOCK_SEQPACKET);
+  if (!control.ok()) return control.status();
+  absl::StatusOr<std::unique_ptr<subprocess::Child>> child = subprocess::Child::Start(
+      {.words = {options.program, kDeviceCommand, options.choice,
+                 absl::StrCat(absl::ToDoubleSeconds(options.time_limit)), options.user},
+       .in = subprocess::Stream::kFile,
+       .in_file = control->there.get(),
+       .out = subprocess::Stream::kStandardError,
+       .own_group = true});
+  if (!child.ok()) return child.status();
+  control->there = {};
+  std::unique_ptr<DeviceProcess> process(
+      new DeviceProcess(std::move(options), std::move(control->here), *std::move(child)));
+  const absl::Status opened = process->AwaitOpen();
+  if (!opened.ok() && !is_auto) return opened;
+  if (!opened.ok()) process->options_.warn(std::string(opened.message()));
+  if (process->name_.empty()) return nullptr;
+  return process;
+}
+
+absl::Status DeviceProcess::AwaitOpen() {
+  absl::MutexLock lock(&mutex_);
+  const std::optional<std::string> message = NextMessage(control_.get(), options_.time_limit);
+  if (!message.has_value()) return absl::DeadlineExceededError("the driver of the device does not answer");
+  if (message->empty()) return absl::FailedPreconditionError("the driver of the device has crashed");
+  if (message->front() == kFailed) return absl::FailedPreconditionError(message->substr(1));
+  if (message->front() == kReady) name_ = message->substr(1);
+  return absl::OkStatus();
+}
+
+DeviceProcess::~DeviceProcess() {
+  {
+    absl::MutexLock lock(&mutex_);
+    control_ = {};  // it ends by that; a sandbox may not let it be killed
+  }
+  child_->Kill();
+  // A driver that the kernel waits for keeps its process, whose end nobody has to wait for.
+  if (!child_->Wait(rpc::MonotonicNow() + kEnd).ok()) (void)child_.release();
+}
+
+rpc::FileHandle DeviceProcess::Connect() {
+  absl::MutexLock lock(&mutex_);
+  absl::StatusOr<Ends> ends = MakeSockets(SOCK_STREAM);
+  if (has_failed_ || !ends.ok()) return {};
+  if (SendDescriptor(control_.get(), ends->there.get())) return std::move(ends->here);
+  Fail(NextMessage(control_.get(), kLastWords).value_or(""));
+  return {};
+}
+
+std::shared_ptr<filter::ManifoldDevice> DeviceProcess::Link() {
+  return MakeDeviceLink(Connect(), options_.time_limit, [this] { CheckFailure(kLastWords); });
+}
+
+void DeviceProcess::CheckFailure(absl::Duration patience) {
+  absl::MutexLock lock(&mutex_);
+  if (has_failed_) return;
+  const std::optional<std::string> message = NextMessage(control_.get(), patience);
+  if (message.has_value()) Fail(*message);
+}
+
+void DeviceProcess::Fail(const std::string& message) {
+  has_failed_ = true;
+  const std::string reason = message.empty() ? "its driver has crashed" : message.substr(1);
+  options_.warn(absl::StrCat(name_, " fails, this processor filters instead: ", reason));
+  child_->Kill();
+}
+
+std::shared_ptr<filter::ManifoldDevice> MakeDeviceLink(rpc::FileHandle connection, absl::Duration time_limit,
+                                                       std::function<void()> on_failure) {
+  return std::make_shared<DeviceLink>(std::move(connection), time_limit, std::move(on_failure));
+}
+
+absl::StatusOr<filter::OpenedDevice> OpenDevice(DeviceProcessOptions options) {
+  absl::StatusOr<std::unique_ptr<DeviceProcess>> process = DeviceProcess::Start(std::move(options));
+  if (!process.ok()) return process.status();
+  if (*process == nullptr) return filter::OpenedDevice{};
+  const std::string name = (*process)->name();
+  return filter::OpenedDevice{name, std::make_shared<OwnDevice>(*std::move(process))};
+}
+
+}  // namespace lumifold::device

@@ -1,0 +1,153 @@
+#include "proto/device/device_process.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "filter/manifold/manifold_device.h"
+#include "filter/opencl/device.h"
+#include "proto/rpc/monotonic.h"
+#include "tests/unit/filter/manifold_inputs.h"
+
+namespace lumifold::device {
+namespace {
+
+using testing::ElementsAre;
+using testing::EndsWith;
+using testing::HasSubstr;
+
+/// Processes of the client, with a library of OpenCL that fails as it is told.
+class Device : public testing::Test {
+ protected:
+  void SetUp() override {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+    GTEST_SKIP() << "drivers are built without the sanitizer";
+#endif
+    const auto devices = filter::ListDevices();
+    if (!devices.ok() || devices->empty() || !devices->front().refusal.empty())
+      GTEST_SKIP() << "no device gives this processor's bits";
+    setenv("POCL_CACHE_DIR", LUMIFOLD_DEVICE_CACHE, /*overwrite=*/0);
+    setenv("LD_LIBRARY_PATH", LUMIFOLD_FAULTY_OPENCL, /*overwrite=*/1);
+  }
+  void TearDown() override {
+    unsetenv("FAULTY_OPENCL");
+    unsetenv("FAULTY_OPENCL_LACKS");
+    unsetenv("FAULTY_OPENCL_MEMORY");
+  }
+
+  DeviceProcessOptions Options(absl::Duration limit = absl::Seconds(150)) {
+    return {.program = LUMIFOLD_PROGRAM,
+            .choice = "gpu:0",
+            .time_limit = limit,
+            .warn = [this](const std::string& line) {
+              const std::lock_guard lock(mutex_);
+              warnings_.push_back(line);
+            }};
+  }
+
+  static Planes Filter(TaskPool* pool) {
+    const filter::ManifoldInput input = filter::MakeManifoldInput(40, 30, 3, true, 14);
+    return filter::ManifoldFilter(input.signals, input.features, input.mask.view(), {}, pool);
+  }
+  static void ExpectExpected(const Planes& found) {
+    const Planes expected = Filter(nullptr);
+    ASSERT_EQ(found.size(), expected.size());
+    for (size_t c = 0; c < found.size(); ++c) {
+      for (int y = 0; y < 30; ++y) {
+        for (int x = 0; x < 40; ++x) ASSERT_EQ(found[c].At(x, y), expected[c].At(x, y)) << x << ' ' << y;
+      }
+    }
+  }
+  /// Filters with a device that has this fault: the picture is the processor's, and one warning is given.
+  void ExpectTakenOver(const char* fault, const std::string& reason,
+                       absl::Duration limit = absl::Seconds(150)) {
+    SCOPED_TRACE(fault);
+    warnings_.clear();
+    setenv("FAULTY_OPENCL", fault, /*overwrite=*/1);
+    const auto device = OpenDevice(Options(limit));
+    ASSERT_TRUE(device.ok()) << device.status();
+    const auto pool = filter::WithDevice(MakeTaskPool(1), device->device);
+    for (int i = 0; i < 2; ++i) ExpectExpected(Filter(pool.get()));
+    EXPECT_THAT(warnings_, ElementsAre(testing::AllOf(HasSubstr(" fails, this processor filters instead: "),
+                                                      HasSubstr(reason))));
+  }
+
+  std::mutex mutex_;
+  std::vector<std::string> warnings_;
+};
+
+TEST_F(Device, InAProcessGivesTheBitsOfThisProcessorToAllWhoAsk) {
+  const auto process = DeviceProcess::Start(Options());
+  ASSERT_TRUE(process.ok()) << process.status();
+  std::vector<std::thread> callers;
+  for (int i = 0; i < 3; ++i) {
+    callers.emplace_back([&] {
+      const std::shared_ptr<filter::ManifoldDevice> link = (*process)->Link();
+      const filter::ManifoldInput input = filter::MakeManifoldInput(37, 29, 4, true, 15);
+      filter::SlicePoints points = filter::MakePoints(input, 2, 2);
+      filter::AddSignals(3, &points);
+      const filter::ManifoldParams params = {.keeps_mass = true, .is_first_order = true};
+      const auto found = link->Filter({input.signals, input.features, input.mask.view(), params, 5, &points});
+      ASSERT_TRUE(found.has_value());
+      const filter::ManifoldResult expected = filter::ManifoldFilterAtPoints(
+          input.signals, input.features, input.mask.view(), params, 5, &points, nullptr);
+      EXPECT_EQ(found->points.values, expected.points.values);
+      EXPECT_EQ(found->points.weights, expected.points.weights);
+      EXPECT_EQ(found->filtered[1].At(20, 10), expected.filtered[1].At(20, 10));
+    });
+  }
+  for (std::thread& caller : callers) caller.join();
+  EXPECT_TRUE(warnings_.empty());
+}
+
+TEST_F(Device, ThatFailsIsLeftForTheProcessorWithOneWarning) {
+  ExpectTakenOver("clBuildProgram:1:-11", "clBuildProgram: OpenCL error -11");
+  ExpectTakenOver("clCreateBuffer:9:-4", "clCreateBuffer: OpenCL error -4 (out of memory)");
+  ExpectTakenOver("clEnqueueNDRangeKernel:5:-5", "OpenCL error -5 (out of memory)");
+  ExpectTakenOver("clEnqueueWriteBuffer:5:-36", "clEnqueueWriteBuffer: OpenCL error -36");
+  ExpectTakenOver("clFinish:2:-14", "clFinish: OpenCL error -14");
+  ExpectTakenOver("clFinish:2:crash", "its driver has crashed");
+}
+
+TEST_F(Device, ThatHangsIsLeftForTheProcessorWithinItsTime) {
+  const absl::Time start = rpc::MonotonicNow();
+  for (const char* fault : {"clFinish:1:hang", "clBuildProgram:1:hang", "clEnqueueWriteBuffer:1:hang"})
+    ExpectTakenOver(fault, "it does not answer", absl::Seconds(1));
+  EXPECT_LT(rpc::MonotonicNow() - start, absl::Seconds(60));
+}
+
+TEST_F(Device, WhoseDriverHangsWhenItIsOpenedIsAnError) {
+  setenv("FAULTY_OPENCL", "clGetPlatformIDs:1:hang", /*overwrite=*/1);
+  const auto process = DeviceProcess::Start(Options(absl::Seconds(1)));
+  EXPECT_EQ(process.status().message(), "the driver of the device does not answer");
+}
+
+TEST_F(Device, ThatIsNotThereIsAnError) {
+  DeviceProcessOptions options = Options();
+  options.choice = "gpu:4000";
+  EXPECT_THAT(std::string(DeviceProcess::Start(options).status().message()),
+              EndsWith("there is no device 4000 of OpenCL"));
+  options.choice = "gpus";
+  EXPECT_EQ(DeviceProcess::Start(options).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST_F(Device, ThatHasFailedIsOfferedToNobody) {
+  setenv("FAULTY_OPENCL", "clFinish:1:-14", /*overwrite=*/1);
+  const auto process = DeviceProcess::Start(Options());
+  ASSERT_TRUE(process.ok()) << process.status();
+  const auto pool = filter::WithDevice(MakeTaskPool(1), (*process)->Link());
+  ExpectExpected(Filter(pool.get()));
+  EXPECT_LT((*process)->Connect().get(), 0);
+  EXPECT_EQ(warnings_.size(), 1);
+}
+
+}  // namespace
+}  // namespace lumifold::device

@@ -14,7 +14,8 @@
 #include "filter/image/mix_bits.h"
 #include "filter/kernels/kernel_constants.h"
 #include "filter/manifold/manifold_constants.h"
-#include "filter/opencl/kernel_source.h"
+#include "filter/opencl/covariance_source.h"
+#include "filter/opencl/manifold_source.h"
 #include "filter/opencl/opencl_library.h"
 
 namespace lumifold::filter {
@@ -41,14 +42,12 @@ T NumberOf(const OpenClLibrary& cl, cl_device_id device, cl_device_info what) {
 
 std::string RefusalOf(const OpenClLibrary& cl, cl_device_id device) {
   const auto single = NumberOf<cl_device_fp_config>(cl, device, CL_DEVICE_SINGLE_FP_CONFIG);
-  const auto doubles = NumberOf<cl_device_fp_config>(cl, device, CL_DEVICE_DOUBLE_FP_CONFIG);
   if (NumberOf<cl_bool>(cl, device, CL_DEVICE_COMPILER_AVAILABLE) == CL_FALSE) return "it has no compiler";
   if (NumberOf<cl_bool>(cl, device, CL_DEVICE_ENDIAN_LITTLE) == CL_FALSE) return "its numbers are big-endian";
   if ((single & CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT) == 0)
     return "it does not round quotients and roots correctly";
   if ((single & CL_FP_DENORM) == 0) return "it has no denormal numbers";
   if ((single & CL_FP_ROUND_TO_NEAREST) == 0) return "it does not round to nearest";
-  if ((doubles & CL_FP_DENORM) == 0) return "it has no double precision";
   return "";
 }
 
@@ -68,13 +67,18 @@ std::vector<cl_device_id> FindDevices(const OpenClLibrary& cl) {
   return found;
 }
 
-/// Options of the compiler: how numbers round, and what manifold.cl asks for.
-std::string CompilerOptions(const KernelOptions& options) {
+/// Without it covariance.cl does with integers.
+bool HasDoubles(const OpenClLibrary& cl, cl_device_id device) {
+  return (NumberOf<cl_device_fp_config>(cl, device, CL_DEVICE_DOUBLE_FP_CONFIG) & CL_FP_DENORM) != 0;
+}
+
+/// Options of the compiler: how numbers round, and what the kernels ask for.
+std::string CompilerOptions(const KernelOptions& options, bool has_doubles) {
   std::string text = absl::StrFormat(
       "-cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt -DFEATURES=%d -DCHANNELS=%d -DFITS=%d -DSTEP=%d "
-      "-DMOST_FEATURES=%d -DMOST_PLANES=%d -DMOST_STEP=%d",
+      "-DMOST_FEATURES=%d -DMOST_PLANES=%d -DMOST_STEP=%d -DDOUBLES=%d",
       options.features, options.channels, options.fits ? 1 : 0, options.step, options.features,
-      options.planes(), options.step);
+      options.planes(), options.step, has_doubles ? 1 : 0);
   const std::pair<const char*, float> constants[] = {{"kFarthest", kFarthest},
                                                      {"kSeam", kSeam},
                                                      {"kSqrt2", kSqrt2},
@@ -84,7 +88,7 @@ std::string CompilerOptions(const KernelOptions& options) {
                                                      {"kLeastWeight", kLeastWeight},
                                                      {"kMostDeviations", kMostDeviations}};
   for (const auto& [name, value] : constants) absl::StrAppendFormat(&text, " -D%s=%af", name, value);
-  return text + absl::StrFormat(" -DkLeastSpread=%a", kLeastSpread);
+  return text + absl::StrFormat(" -DkLeastSpread=0x%xUL", std::bit_cast<uint64_t>(kLeastSpread));
 }
 
 class OpenClRun final : public KernelRun {
@@ -166,7 +170,7 @@ class OpenClRun final : public KernelRun {
   absl::Status status_;
 };
 
-/// Runs the kernel Probe and compares with this processor.
+/// Runs the kernels Probe and ProbeReals and compares with this processor.
 absl::Status CheckBits(KernelRun* run) {
   constexpr int32_t kPairs = 4096;
   std::vector<float> a, b;
@@ -192,7 +196,8 @@ absl::Status CheckBits(KernelRun* run) {
   const KernelRun::Buffer device_doubles = run->Allocate(double_bytes);
   run->Write(device_a, 0, a.data(), pair_bytes);
   run->Write(device_b, 0, b.data(), pair_bytes);
-  run->Run("Probe", kPairs, {kPairs, device_a, device_b, device_singles, device_doubles});
+  run->Run("Probe", kPairs, {kPairs, device_a, device_b, device_singles});
+  run->Run("ProbeReals", kPairs, {kPairs, device_a, device_b, device_doubles});
   absl::Status status = run->Finish();
   if (status.ok()) status = run->Read(device_singles, 0, single_bytes, found_singles.data());
   if (status.ok()) status = run->Read(device_doubles, 0, double_bytes, found_doubles.data());
@@ -208,6 +213,7 @@ class OpenClDevice final : public Device {
   OpenClDevice(const OpenClLibrary& cl, cl_device_id device)
       : cl_(cl),
         device_(device),
+        has_doubles_(HasDoubles(cl, device)),
         context_(nullptr, cl.clReleaseContext),
         queue_(nullptr, cl.clReleaseCommandQueue) {}
 
@@ -233,13 +239,14 @@ class OpenClDevice final : public Device {
 
  private:
   absl::StatusOr<Held<cl_program>> Build(const KernelOptions& options) const {
-    const char* source = kManifoldKernels;
+    std::array<const char*, 2> sources = {kManifoldKernels, kCovarianceKernels};
     cl_int error = CL_SUCCESS;
-    Held<cl_program> program(cl_.clCreateProgramWithSource(context_.get(), 1, &source, nullptr, &error),
-                             cl_.clReleaseProgram);
+    Held<cl_program> program(
+        cl_.clCreateProgramWithSource(context_.get(), sources.size(), sources.data(), nullptr, &error),
+        cl_.clReleaseProgram);
     if (error != CL_SUCCESS) return OpenClStatus(error, "clCreateProgramWithSource");
-    error =
-        cl_.clBuildProgram(program.get(), 1, &device_, CompilerOptions(options).c_str(), nullptr, nullptr);
+    error = cl_.clBuildProgram(program.get(), 1, &device_, CompilerOptions(options, has_doubles_).c_str(),
+                               nullptr, nullptr);
     if (error == CL_SUCCESS) return program;
     std::vector<char> log(size_t{1} << 14);
     cl_.clGetProgramBuildInfo(program.get(), device_, CL_PROGRAM_BUILD_LOG, log.size() - 1, log.data(),
@@ -250,6 +257,7 @@ class OpenClDevice final : public Device {
 
   const OpenClLibrary& cl_;
   const cl_device_id device_;
+  const bool has_doubles_;
   Held<cl_context> context_;
   Held<cl_command_queue> queue_;
   std::map<KernelOptions, Held<cl_program>> programs_;

@@ -10,7 +10,7 @@
 
 namespace lumifold::filter {
 
-/// What the kernels of manifold.cl are made for.
+/// What the kernels of manifold.cl and covariance.cl are made for.
 struct KernelOptions {
   int features = 1;
   int channels = 3;   // of the signals

@@ -3,14 +3,17 @@
 //
 // The host defines, as numbers: FEATURES, CHANNELS (signals that are given), FITS (0 or 1: with positions, a plane is fitted),
 // STEP (side of a cell, a power of two); the constants of filter/manifold/manifold_constants.h and first_order.h by their names;
-// and for arrays MOST_FEATURES, MOST_PLANES and MOST_STEP, the greatest numbers.
+// DOUBLES (1: the device has double precision), for covariance.cl, which follows in the program; and for arrays MOST_FEATURES,
+// MOST_PLANES and MOST_STEP, the greatest numbers.
 //
 // Sites are the pixels, row by row, and then the points of SlicePoints.
 // Layouts: planes of sites one after another; of cells, all planes of a cell side by side, manifold by manifold. Work-items are
 // numbered along one dimension; those beyond the last do nothing. No sum crosses work-items.
 #ifdef __OPENCL_VERSION__
 #pragma OPENCL FP_CONTRACT OFF
+#if DOUBLES
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
+#endif
 #endif
 
 #define SIGNALS (CHANNELS + 2 * FITS)          // that are splatted: with x and y where planes are fitted
@@ -209,70 +212,6 @@ __kernel void Heights(Grid grid, int images, int first, int parent, __global con
     eta[((first + image) * CellsOf(grid) + cell) * FEATURES + k] =
         weight < kLeastClusterMass ? 0.0f : sum / weight;
   }
-}
-
-// Of every row_step-th row of cells its part of the covariance around the manifold, and its weight; a work-item an entry.
-__kernel void RowCovariance(Grid grid, int images, int first, int row_step, __global const float* sums,
-                            __global const float* eta, __global double* rows) {
-  const size_t item = get_global_id(0);
-  const int count = (grid.rows + row_step - 1) / row_step;
-  if (item >= (size_t)images * count * ENTRIES) return;
-  const int entry = (int)(item % ENTRIES), row = (int)(item / ENTRIES % count);
-  const size_t image = item / ENTRIES / count;
-  int i = 0, j = entry;
-  while (j > i) {
-    ++i;
-    j -= i;
-  }
-  double total = 0.0;
-  for (int x = 0; x < grid.columns; ++x) {
-    const size_t cell = (size_t)row * row_step * grid.columns + x;
-    __global const float* sum = sums + (image * CellsOf(grid) + cell) * (FEATURES + 1);
-    __global const float* mean = eta + ((first + image) * CellsOf(grid) + cell) * FEATURES;
-    const float weight = sum[FEATURES];
-    if (entry == PAIRS)
-      total += (double)weight;
-    else if (!(weight < kLeastClusterMass))
-      total += (double)weight * (double)(sum[i] / weight - mean[i]) * (double)(sum[j] / weight - mean[j]);
-  }
-  rows[item] = total;
-}
-
-// The sums over rows, in their order.
-__kernel void Covariance(Grid grid, int images, int row_step, __global const double* rows,
-                         __global double* covariance) {
-  const size_t item = get_global_id(0);
-  const int count = (grid.rows + row_step - 1) / row_step;
-  if (item >= (size_t)images * ENTRIES) return;
-  __global const double* at = rows + item / ENTRIES * count * ENTRIES + item % ENTRIES;
-  double total = 0.0;
-  for (int row = 0; row < count; ++row) total += at[row * ENTRIES];
-  covariance[item] = total;
-}
-
-// The principal axis by power iteration; a work-item a manifold.
-__kernel void Axis(int images, int iterations, __global const double* covariance, __global float* axes) {
-  const size_t image = get_global_id(0);
-  if (image >= (size_t)images) return;
-  __global const double* lower = covariance + image * ENTRIES;
-  double axis[MOST_FEATURES], next[MOST_FEATURES], spread = 0.0;
-  for (int k = 0; k < FEATURES; ++k) {
-    axis[k] = (k % 2 == 0 ? 0.5 : -0.5) * (1.0 + 0.13 * (double)k);
-    spread += lower[k * (k + 1) / 2 + k];
-  }
-  if (!(spread > kLeastSpread * lower[PAIRS])) iterations = 0;
-  for (int step = 0; step < iterations; ++step) {
-    double squares = 0.0;
-    for (int i = 0; i < FEATURES; ++i) {
-      next[i] = 0.0;
-      for (int j = 0; j < FEATURES; ++j)
-        next[i] += lower[i >= j ? i * (i + 1) / 2 + j : j * (j + 1) / 2 + i] * axis[j];
-    }
-    for (int i = 0; i < FEATURES; ++i) squares += next[i] * next[i];
-    const double length = squares > 0.0 ? sqrt(squares) : 1.0;
-    for (int i = 0; i < FEATURES; ++i) axis[i] = next[i] / length;
-  }
-  for (int k = 0; k < FEATURES; ++k) axes[image * FEATURES + k] = (float)axis[k];
 }
 
 // The weights of sites on the `count` manifolds from `first` on. Squared distances of points over the first `shared` features,
@@ -485,18 +424,13 @@ __kernel void Slice(Grid grid, int manifolds, float unit, float ridge, __global 
 
 // --- What the bits rest on -------------------------------------------------------------------------------------------------
 
-// Quotient, root, product and sum, and a denormal, of each pair of numbers, in single and double precision.
-__kernel void Probe(int count, __global const float* a, __global const float* b, __global float* singles,
-                    __global double* doubles) {
+// Quotient, root, product and sum, and a denormal, of each pair of numbers.
+__kernel void Probe(int count, __global const float* a, __global const float* b, __global float* results) {
   const size_t item = get_global_id(0);
   if (item >= (size_t)count) return;
   const float x = a[item], y = b[item];
-  singles[4 * item] = x / y;
-  singles[4 * item + 1] = sqrt(x);
-  singles[4 * item + 2] = x * y + x;
-  singles[4 * item + 3] = x * y * 1e-39f;
-  const double u = (double)x, v = (double)y;
-  doubles[3 * item] = u / v;
-  doubles[3 * item + 1] = sqrt(u);
-  doubles[3 * item + 2] = u * (v / 3.0) + u;
+  results[4 * item] = x / y;
+  results[4 * item + 1] = sqrt(x);
+  results[4 * item + 2] = x * y + x;
+  results[4 * item + 3] = x * y * 1e-39f;
 }

@@ -39,6 +39,11 @@ constexpr int MOST_STEP = 64;
 #define __kernel
 #define __global
 #include "filter/opencl/manifold.cl"
+using ulong = uint64_t;
+double as_double(ulong bits) { return std::bit_cast<double>(bits); }
+constexpr ulong kLeastSpread = std::bit_cast<ulong>(filter::kLeastSpread);
+#define DOUBLES 1
+#include "filter/opencl/covariance.cl"
 
 }  // namespace kernels
 
@@ -106,7 +111,7 @@ void RunInCpp::Run(const char* kernel, size_t items, std::initializer_list<Argum
                         LUMIFOLD_CALL(Axis) || LUMIFOLD_CALL(Weigh) || LUMIFOLD_CALL(KeepMass) ||
                         LUMIFOLD_CALL(Splat) || LUMIFOLD_CALL(Moments) || LUMIFOLD_CALL(Links) ||
                         LUMIFOLD_CALL(GuidedRows) || LUMIFOLD_CALL(GuidedColumns) || LUMIFOLD_CALL(Slice) ||
-                        LUMIFOLD_CALL(Probe);
+                        LUMIFOLD_CALL(Probe) || LUMIFOLD_CALL(ProbeReals);
 #undef LUMIFOLD_CALL
   LUMIFOLD_CHECK(is_known);
 }

@@ -2,8 +2,10 @@
 
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "filter/image/parallel.h"
+#include "filter/image/planes.h"
 #include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {
@@ -18,8 +20,16 @@ struct ManifoldCall {
   const SlicePoints* points;  // may be null
 };
 
-/// A processor beside this machine's own that filters on manifolds. ManifoldFilterAtPoints uses the one that
-/// its pool has.
+/// What ProjectPatches takes (filter/layers/nlm_space.h): a picture that has pixels, and a basis.
+struct ProjectionCall {
+  const Planes& color;
+  int radius;
+  int dimensions;
+  const std::vector<float>& taps;
+};
+
+/// A processor beside this machine's own. ManifoldFilterAtPoints and ProjectPatches use the one that their
+/// pool has.
 /// Threads: safe concurrently.
 class ManifoldDevice {
  public:
@@ -27,6 +37,8 @@ class ManifoldDevice {
 
   /// The bits of ManifoldFilterAtPoints; nullopt: the device cannot, and the processor does it.
   virtual std::optional<ManifoldResult> Filter(const ManifoldCall& call) = 0;
+  /// The same of ProjectPatches.
+  virtual std::optional<Planes> Project(const ProjectionCall& call) = 0;
 };
 
 /// `pool` with a device; `device` may be null.

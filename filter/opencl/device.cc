@@ -17,6 +17,8 @@
 #include "filter/opencl/covariance_source.h"
 #include "filter/opencl/manifold_source.h"
 #include "filter/opencl/opencl_library.h"
+#include "filter/opencl/probe_source.h"
+#include "filter/opencl/projection_source.h"
 
 namespace lumifold::filter {
 namespace {
@@ -170,8 +172,8 @@ class OpenClRun final : public KernelRun {
   absl::Status status_;
 };
 
-/// Runs the kernels Probe and ProbeReals and compares with this processor.
-absl::Status CheckBits(KernelRun* run) {
+/// Runs the kernels Probe and, of the programs that have it, ProbeReals, and compares with this processor.
+absl::Status CheckBits(Kernels kernels, KernelRun* run) {
   constexpr int32_t kPairs = 4096;
   std::vector<float> a, b;
   for (uint32_t i = 0; i < kPairs; ++i) {  // from 2^-15 to 2^16, all bits of the mantissa
@@ -197,10 +199,14 @@ absl::Status CheckBits(KernelRun* run) {
   run->Write(device_a, 0, a.data(), pair_bytes);
   run->Write(device_b, 0, b.data(), pair_bytes);
   run->Run("Probe", kPairs, {kPairs, device_a, device_b, device_singles});
-  run->Run("ProbeReals", kPairs, {kPairs, device_a, device_b, device_doubles});
+  if (kernels == Kernels::kManifold)
+    run->Run("ProbeReals", kPairs, {kPairs, device_a, device_b, device_doubles});
+  else
+    found_doubles = doubles;
   absl::Status status = run->Finish();
   if (status.ok()) status = run->Read(device_singles, 0, single_bytes, found_singles.data());
-  if (status.ok()) status = run->Read(device_doubles, 0, double_bytes, found_doubles.data());
+  if (status.ok() && kernels == Kernels::kManifold)
+    status = run->Read(device_doubles, 0, double_bytes, found_doubles.data());
   if (!status.ok()) return status;
   if (std::memcmp(singles.data(), found_singles.data(), single_bytes) == 0 &&
       std::memcmp(doubles.data(), found_doubles.data(), double_bytes) == 0)
@@ -231,7 +237,7 @@ class OpenClDevice final : public Device {
       absl::StatusOr<Held<cl_program>> program = Build(options);
       if (!program.ok()) return program.status();
       OpenClRun probe(cl_, context_.get(), queue_.get(), program->get());
-      if (absl::Status status = CheckBits(&probe); !status.ok()) return status;
+      if (absl::Status status = CheckBits(options.kernels, &probe); !status.ok()) return status;
       found = programs_.emplace(options, *std::move(program)).first;
     }
     return std::make_unique<OpenClRun>(cl_, context_.get(), queue_.get(), found->second.get());
@@ -239,10 +245,15 @@ class OpenClDevice final : public Device {
 
  private:
   absl::StatusOr<Held<cl_program>> Build(const KernelOptions& options) const {
-    std::array<const char*, 2> sources = {kManifoldKernels, kCovarianceKernels};
+    std::vector<const char*> sources = {kProbeKernels};
+    if (options.kernels == Kernels::kProjection)
+      sources.push_back(kProjectionKernels);
+    else
+      sources.insert(sources.end(), {kManifoldKernels, kCovarianceKernels});
     cl_int error = CL_SUCCESS;
     Held<cl_program> program(
-        cl_.clCreateProgramWithSource(context_.get(), sources.size(), sources.data(), nullptr, &error),
+        cl_.clCreateProgramWithSource(context_.get(), static_cast<cl_uint>(sources.size()), sources.data(),
+                                      nullptr, &error),
         cl_.clReleaseProgram);
     if (error != CL_SUCCESS) return OpenClStatus(error, "clCreateProgramWithSource");
     error = cl_.clBuildProgram(program.get(), 1, &device_, CompilerOptions(options, has_doubles_).c_str(),

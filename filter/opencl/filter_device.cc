@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "filter/opencl/device.h"
 #include "filter/opencl/manifold_run.h"
+#include "filter/opencl/projection_run.h"
 
 namespace lumifold::filter {
 namespace {
@@ -26,20 +27,30 @@ class FilterDevice final : public ManifoldDevice {
       : warn_(std::move(warn)), device_(std::move(device)) {}
 
   std::optional<ManifoldResult> Filter(const ManifoldCall& call) override {
-    const std::lock_guard lock(mutex_);
-    if (has_failed_) return std::nullopt;
-    absl::StatusOr<ManifoldResult> result = Run(call);
-    if (result.ok()) return *std::move(result);
-    has_failed_ = true;
-    warn_(std::string(result.status().message()));
-    return std::nullopt;
+    return Run(KernelsOf(call), [&call](KernelRun* run) { return RunManifolds(call, run); });
+  }
+  std::optional<Planes> Project(const ProjectionCall& call) override {
+    return Run({.kernels = Kernels::kProjection},
+               [&call](KernelRun* run) { return RunProjection(call, run); });
   }
 
  private:
-  absl::StatusOr<ManifoldResult> Run(const ManifoldCall& call) {
-    const absl::StatusOr<std::unique_ptr<KernelRun>> run = device_->Begin(KernelsOf(call));
-    if (!run.ok()) return run.status();
-    return RunManifolds(call, run->get());
+  /// What `work` makes with the kernels; nullopt once the device has failed.
+  template <typename Work>
+  auto Run(const KernelOptions& kernels, const Work& work)
+      -> std::optional<typename decltype(work(nullptr))::value_type> {
+    const std::lock_guard lock(mutex_);
+    if (has_failed_) return std::nullopt;
+    const absl::StatusOr<std::unique_ptr<KernelRun>> run = device_->Begin(kernels);
+    absl::Status status = run.status();
+    if (run.ok()) {
+      auto result = work(run->get());
+      if (result.ok()) return *std::move(result);
+      status = result.status();
+    }
+    has_failed_ = true;
+    warn_(std::string(status.message()));
+    return std::nullopt;
   }
 
   const DeviceWarning warn_;

@@ -10,12 +10,19 @@
 
 namespace lumifold::filter {
 
-/// What the kernels of manifold.cl and covariance.cl are made for.
+/// Programs; probe.cl is the first part of each.
+enum class Kernels {
+  kManifold,    // manifold.cl and covariance.cl
+  kProjection,  // projection.cl, which is made for anything
+};
+
+/// What the kernels of a program are made for.
 struct KernelOptions {
   int features = 1;
   int channels = 3;   // of the signals
   bool fits = false;  // planes: ManifoldParams::is_first_order
   int step = 1;       // side of a cell, pixels
+  Kernels kernels = Kernels::kManifold;
 
   /// Signals that are splatted and then sliced, with the weight.
   int planes() const { return fits ? 15 : channels + 1; }

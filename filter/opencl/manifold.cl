@@ -421,16 +421,3 @@ __kernel void Slice(Grid grid, int manifolds, float unit, float ridge, __global 
     result[c * SitesOf(grid) + site] = FITS ? PlaneAt(sums, c, ridge, own_x, own_y) : sums[c];
   if (!keeps) found[site - PixelsOf(grid)] = is_lost ? 0.0f : sums[RESULTS];
 }
-
-// --- What the bits rest on -------------------------------------------------------------------------------------------------
-
-// Quotient, root, product and sum, and a denormal, of each pair of numbers.
-__kernel void Probe(int count, __global const float* a, __global const float* b, __global float* results) {
-  const size_t item = get_global_id(0);
-  if (item >= (size_t)count) return;
-  const float x = a[item], y = b[item];
-  results[4 * item] = x / y;
-  results[4 * item + 1] = sqrt(x);
-  results[4 * item + 2] = x * y + x;
-  results[4 * item + 3] = x * y * 1e-39f;
-}

@@ -22,42 +22,70 @@ constexpr int64_t kMostPixels = int64_t{1} << 27;
 constexpr uint32_t kMostPlanes = 64;
 constexpr uint32_t kMostPoints = 1U << 27;
 constexpr uint32_t kMostSamples = 1 << 10;
+constexpr int32_t kMostRadius = 64;
 constexpr float kMostReach = 1 << 16;
 
-/// Without padding: no byte of this process's memory goes with it.
+/// The first word of a call.
+constexpr uint32_t kFiltering = 1;
+constexpr uint32_t kProjection = 2;
+
+// Without padding: no byte of this process's memory goes with them.
+struct PointsHeader {
+  uint32_t is_here, has_signals;
+  uint32_t pixels, samples, own_features;
+  float pixel_divisor;
+};
 struct CallHeader {
+  uint32_t kind;
   int32_t width, height;
   uint32_t signals, features;
-  float sigma_s, slope_ridge, reach, pixel_divisor;
+  float sigma_s, slope_ridge, reach;
   int32_t levels, pca_iterations, cell;
   uint32_t keeps_mass, is_first_order;
-  // Of the points; 0 without any.
-  uint32_t has_points, points_have_signals;
-  uint32_t point_pixels, samples, own_features;
+  PointsHeader points;
+};
+struct ProjectionHeader {
+  uint32_t kind;
+  int32_t width, height;
+  uint32_t channels, dimensions;
+  int32_t radius;
 };
 
+bool IsSize(int32_t width, int32_t height) {
+  const auto is_side = [](int32_t side) { return side >= 1 && side <= kMostSide; };
+  return is_side(width) && is_side(height) && int64_t{width} * height <= kMostPixels;
+}
+bool IsCount(uint32_t planes) { return planes >= 1 && planes <= kMostPlanes; }
 bool IsPositive(float value, float most) { return value > 0 && value <= most; }
 
 bool HasValidPoints(const CallHeader& header) {
-  if (header.has_points == 0) return true;
-  if (header.samples < 1 || header.samples > kMostSamples || header.own_features > header.features)
+  const PointsHeader& points = header.points;
+  if (points.is_here == 0) return true;
+  if (points.samples < 1 || points.samples > kMostSamples || points.own_features > header.features)
     return false;
-  return uint64_t{header.point_pixels} * header.samples <= kMostPoints / kMostPlanes &&
-         std::isfinite(header.pixel_divisor);
+  return uint64_t{points.pixels} * points.samples <= kMostPoints / kMostPlanes &&
+         std::isfinite(points.pixel_divisor);
 }
 
 bool IsValid(const CallHeader& header) {
-  const auto is_side = [](int32_t side) { return side >= 1 && side <= kMostSide; };
-  if (!is_side(header.width) || !is_side(header.height)) return false;
-  if (int64_t{header.width} * header.height > kMostPixels) return false;
-  if (header.features < 1 || header.features > kMostPlanes) return false;
-  if (header.signals < 1 || header.signals > kMostPlanes) return false;
+  if (!IsSize(header.width, header.height) || !IsCount(header.features) || !IsCount(header.signals))
+    return false;
   if (header.is_first_order != 0 && header.signals != 3) return false;
   if (header.levels < 1 || header.levels > 8) return false;
   if (header.pca_iterations < 1 || header.pca_iterations > 1000) return false;
   if (header.cell < 0 || header.cell > kBandRows || (header.cell & (header.cell - 1)) != 0) return false;
   return IsPositive(header.sigma_s, kMostReach) && IsPositive(header.reach, kMostReach) &&
          std::isfinite(header.slope_ridge) && HasValidPoints(header);
+}
+
+bool IsValid(const ProjectionHeader& header) {
+  return IsSize(header.width, header.height) && IsCount(header.channels) && IsCount(header.dimensions) &&
+         header.radius >= 0 && header.radius <= kMostRadius;
+}
+
+size_t TapsOf(const ProjectionHeader& header) {
+  const size_t side = 2 * static_cast<size_t>(header.radius) + 1;
+  return size_t{header.channels} * header.dimensions * side * side;
 }
 
 bool SendPlane(ConstFloatView plane, SocketStream* to) {
@@ -99,66 +127,64 @@ bool ReceivePlanes(SocketStream* from, Planes* planes) {
 
 CallHeader HeaderOf(const ManifoldCall& call) {
   const filter::ManifoldParams& params = call.params;
-  CallHeader header = {.width = call.mask.width(),
-                       .height = call.mask.height(),
-                       .signals = static_cast<uint32_t>(call.signals.size()),
-                       .features = static_cast<uint32_t>(call.features.size()),
-                       .sigma_s = params.sigma_s,
-                       .slope_ridge = params.slope_ridge,
-                       .reach = call.reach,
-                       .pixel_divisor = 0,
-                       .levels = params.height,
-                       .pca_iterations = params.pca_iterations,
-                       .cell = params.cell,
-                       .keeps_mass = params.keeps_mass ? 1U : 0U,
-                       .is_first_order = params.is_first_order ? 1U : 0U,
-                       .has_points = 0,
-                       .points_have_signals = 0,
-                       .point_pixels = 0,
-                       .samples = 0,
-                       .own_features = 0};
+  CallHeader header = {};
+  header.kind = kFiltering;
+  header.width = call.mask.width();
+  header.height = call.mask.height();
+  header.signals = static_cast<uint32_t>(call.signals.size());
+  header.features = static_cast<uint32_t>(call.features.size());
+  header.sigma_s = params.sigma_s;
+  header.slope_ridge = params.slope_ridge;
+  header.reach = call.reach;
+  header.levels = params.height;
+  header.pca_iterations = params.pca_iterations;
+  header.cell = params.cell;
+  header.keeps_mass = params.keeps_mass ? 1 : 0;
+  header.is_first_order = params.is_first_order ? 1 : 0;
   if (call.points == nullptr) return header;
-  header.pixel_divisor = call.points->pixel_divisor;
-  header.has_points = 1;
-  header.points_have_signals = call.points->signals.empty() ? 0 : 1;
-  header.point_pixels = static_cast<uint32_t>(call.points->pixels.size());
-  header.samples = static_cast<uint32_t>(call.points->samples);
-  header.own_features = static_cast<uint32_t>(call.points->own_features);
+  header.points = {.is_here = 1,
+                   .has_signals = call.points->signals.empty() ? 0U : 1U,
+                   .pixels = static_cast<uint32_t>(call.points->pixels.size()),
+                   .samples = static_cast<uint32_t>(call.points->samples),
+                   .own_features = static_cast<uint32_t>(call.points->own_features),
+                   .pixel_divisor = call.points->pixel_divisor};
   return header;
 }
 
+ProjectionHeader HeaderOf(const filter::ProjectionCall& call) {
+  return {.kind = kProjection,
+          .width = call.color[0].width(),
+          .height = call.color[0].height(),
+          .channels = static_cast<uint32_t>(call.color.size()),
+          .dimensions = static_cast<uint32_t>(call.dimensions),
+          .radius = call.radius};
+}
+
 bool ReceivePoints(const CallHeader& header, SocketStream* from, SlicePoints* points) {
-  const size_t count = size_t{header.point_pixels} * header.samples;
-  points->samples = header.samples;
-  points->own_features = header.own_features;
-  points->pixel_divisor = header.pixel_divisor;
-  if (!ReceiveList(header.point_pixels, from, &points->pixels)) return false;
+  const size_t count = size_t{header.points.pixels} * header.points.samples;
+  points->samples = header.points.samples;
+  points->own_features = header.points.own_features;
+  points->pixel_divisor = header.points.pixel_divisor;
+  if (!ReceiveList(header.points.pixels, from, &points->pixels)) return false;
   for (const auto& [x, y] : points->pixels) {
     if (x < 0 || x >= header.width || y < 0 || y >= header.height) return false;
   }
-  if (!ReceiveList(count * header.own_features, from, &points->features)) return false;
-  if (header.points_have_signals == 0) return true;
+  if (!ReceiveList(count * header.points.own_features, from, &points->features)) return false;
+  if (header.points.has_signals == 0) return true;
   return ReceiveList(count * header.signals, from, &points->signals) &&
          ReceiveList(count, from, &points->weights);
 }
 
-}  // namespace
-
-bool SendCall(const ManifoldCall& call, SocketStream* to) {
-  const CallHeader header = HeaderOf(call);
-  if (!IsValid(header) || !to->Write(&header, sizeof(header)) || !SendPlanes(call.signals, to) ||
-      !SendPlanes(call.features, to) || !SendPlane(call.mask, to))
-    return false;
-  if (call.points == nullptr) return true;
-  return SendList(call.points->pixels, to) && SendList(call.points->features, to) &&
-         (header.points_have_signals == 0 ||
-          (SendList(call.points->signals, to) && SendList(call.points->weights, to)));
+/// The rest of a header whose first word is here.
+template <typename Header>
+bool ReceiveHeader(SocketStream* from, Header* header) {
+  return from->Read(&header->kind + 1, sizeof(*header) - sizeof(header->kind)) && IsValid(*header);
 }
 
-std::optional<ReceivedCall> ReceiveCall(SocketStream* from) {
+std::optional<AnyCall> ReceiveFiltering(SocketStream* from) {
   CallHeader header = {};
-  if (!from->Read(&header, sizeof(header)) || !IsValid(header)) return std::nullopt;
-  ReceivedCall call;
+  if (!ReceiveHeader(from, &header)) return std::nullopt;
+  ReceivedFiltering call;
   call.signals = MakeUninitializedPlanes(header.signals, header.width, header.height);
   call.features = MakeUninitializedPlanes(header.features, header.width, header.height);
   call.mask = Plane::Uninitialized(header.width, header.height);
@@ -173,15 +199,68 @@ std::optional<ReceivedCall> ReceiveCall(SocketStream* from) {
   if (!ReceivePlanes(from, &call.signals) || !ReceivePlanes(from, &call.features) ||
       !ReceivePlane(from, &call.mask))
     return std::nullopt;
-  if (header.has_points == 0) return call;
+  if (header.points.is_here == 0) return call;
   call.points.emplace();
   if (!ReceivePoints(header, from, &*call.points)) return std::nullopt;
   return call;
 }
 
+std::optional<AnyCall> ReceiveProjection(SocketStream* from) {
+  ProjectionHeader header = {};
+  if (!ReceiveHeader(from, &header)) return std::nullopt;
+  ReceivedProjection call;
+  call.color = MakeUninitializedPlanes(header.channels, header.width, header.height);
+  call.radius = header.radius;
+  call.dimensions = static_cast<int>(header.dimensions);
+  if (!ReceivePlanes(from, &call.color) || !ReceiveList(TapsOf(header), from, &call.taps))
+    return std::nullopt;
+  return call;
+}
+
+}  // namespace
+
+bool CanSend(const ManifoldCall& call) { return IsValid(HeaderOf(call)); }
+bool CanSend(const filter::ProjectionCall& call) {
+  const ProjectionHeader header = HeaderOf(call);
+  return IsValid(header) && TapsOf(header) == call.taps.size();
+}
+
+bool SendCall(const ManifoldCall& call, SocketStream* to) {
+  const CallHeader header = HeaderOf(call);
+  if (!to->Write(&header, sizeof(header)) || !SendPlanes(call.signals, to) ||
+      !SendPlanes(call.features, to) || !SendPlane(call.mask, to))
+    return false;
+  if (call.points == nullptr) return true;
+  return SendList(call.points->pixels, to) && SendList(call.points->features, to) &&
+         (header.points.has_signals == 0 ||
+          (SendList(call.points->signals, to) && SendList(call.points->weights, to)));
+}
+
+bool SendCall(const filter::ProjectionCall& call, SocketStream* to) {
+  const ProjectionHeader header = HeaderOf(call);
+  return to->Write(&header, sizeof(header)) && SendPlanes(call.color, to) && SendList(call.taps, to);
+}
+
+std::optional<AnyCall> ReceiveCall(SocketStream* from) {
+  uint32_t kind = 0;
+  if (!from->Read(&kind, sizeof(kind))) return std::nullopt;
+  if (kind == kFiltering) return ReceiveFiltering(from);
+  if (kind == kProjection) return ReceiveProjection(from);
+  return std::nullopt;
+}
+
+bool SendResult(const Planes& result, SocketStream* to) { return SendPlanes(result, to); }
+
 bool SendResult(const ManifoldResult& result, SocketStream* to) {
   return SendPlanes(result.filtered, to) && SendList(result.points.values, to) &&
          SendList(result.points.weights, to);
+}
+
+std::optional<Planes> ReceiveResult(const filter::ProjectionCall& call, SocketStream* from) {
+  Planes planes = MakeUninitializedPlanes(static_cast<size_t>(call.dimensions), call.color[0].width(),
+                                          call.color[0].height());
+  if (!ReceivePlanes(from, &planes)) return std::nullopt;
+  return planes;
 }
 
 std::optional<ManifoldResult> ReceiveResult(const ManifoldCall& call, SocketStream* from) {

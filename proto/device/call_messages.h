@@ -1,6 +1,8 @@
 #pragma once
 
 #include <optional>
+#include <variant>
+#include <vector>
 
 #include "filter/manifold/manifold_device.h"
 #include "proto/device/socket_stream.h"
@@ -11,8 +13,8 @@ namespace lumifold::device {
 // process with the device is in no sandbox, the caller may be a sandboxed one that a malformed scene has
 // taken over: what is received of a call is checked.
 
-/// A call, and what it refers to.
-struct ReceivedCall {
+/// Calls, and what they refer to.
+struct ReceivedFiltering {
   Planes signals;
   Planes features;
   Plane mask;
@@ -25,12 +27,29 @@ struct ReceivedCall {
   }
 };
 
+struct ReceivedProjection {
+  Planes color;
+  int radius = 1;
+  int dimensions = 1;
+  std::vector<float> taps;
+
+  filter::ProjectionCall View() const { return {color, radius, dimensions, taps}; }
+};
+
+using AnyCall = std::variant<ReceivedFiltering, ReceivedProjection>;
+
+/// Whether a call is within the limits of what is received.
+bool CanSend(const filter::ManifoldCall& call);
+bool CanSend(const filter::ProjectionCall& call);
 bool SendCall(const filter::ManifoldCall& call, SocketStream* to);
-/// nullopt: the other end is closed, or this is no call that ManifoldFilterAtPoints takes.
-std::optional<ReceivedCall> ReceiveCall(SocketStream* from);
+bool SendCall(const filter::ProjectionCall& call, SocketStream* to);
+/// nullopt: the other end is closed, or this is no call that ManifoldFilterAtPoints or ProjectPatches takes.
+std::optional<AnyCall> ReceiveCall(SocketStream* from);
 
 bool SendResult(const filter::ManifoldResult& result, SocketStream* to);
+bool SendResult(const Planes& result, SocketStream* to);
 /// The result of `call`.
 std::optional<filter::ManifoldResult> ReceiveResult(const filter::ManifoldCall& call, SocketStream* from);
+std::optional<Planes> ReceiveResult(const filter::ProjectionCall& call, SocketStream* from);
 
 }  // namespace lumifold::device

@@ -83,9 +83,16 @@ class DeviceLink final : public filter::ManifoldDevice {
         on_failure_(std::move(on_failure)) {}
 
   std::optional<filter::ManifoldResult> Filter(const filter::ManifoldCall& call) override {
+    return Ask(call);
+  }
+  std::optional<Planes> Project(const filter::ProjectionCall& call) override { return Ask(call); }
+
+ private:
+  template <typename Call>
+  auto Ask(const Call& call) -> decltype(ReceiveResult(call, nullptr)) {
     absl::MutexLock lock(&mutex_);
-    if (has_failed_) return std::nullopt;
-    std::optional<filter::ManifoldResult> result;
+    if (has_failed_ || !CanSend(call)) return std::nullopt;
+    decltype(ReceiveResult(call, nullptr)) result;
     if (SendCall(call, &stream_)) result = ReceiveResult(call, &stream_);
     if (result.has_value()) return result;
     has_failed_ = true;
@@ -93,7 +100,6 @@ class DeviceLink final : public filter::ManifoldDevice {
     return std::nullopt;
   }
 
- private:
   const rpc::FileHandle connection_;
   absl::Mutex mutex_;
   SocketStream stream_ ABSL_GUARDED_BY(mutex_);
@@ -110,6 +116,7 @@ class OwnDevice final : public filter::ManifoldDevice {
   std::optional<filter::ManifoldResult> Filter(const filter::ManifoldCall& call) override {
     return link_->Filter(call);
   }
+  std::optional<Planes> Project(const filter::ProjectionCall& call) override { return link_->Project(call); }
 
  private:
   const std::unique_ptr<DeviceProcess> process_;

@@ -16,6 +16,7 @@
 #include <set>
 #include <thread>
 #include <utility>
+#include <variant>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/status/status.h"
@@ -76,10 +77,10 @@ class Service {
       connections_.insert(connection.get());
     }
     SocketStream stream(connection.get());
-    while (std::optional<ReceivedCall> call = ReceiveCall(&stream)) {
-      const std::optional<filter::ManifoldResult> result = Filter(*call);
-      call.reset();
-      if (!result.has_value() || !SendResult(*result, &stream)) break;
+    bool works = true;
+    while (works) {
+      const std::optional<AnyCall> call = ReceiveCall(&stream);
+      works = call.has_value() && std::visit([&](const auto& any) { return Answer(any, &stream); }, *call);
     }
     absl::MutexLock lock(&mutex_);
     connections_.erase(connection.get());
@@ -95,16 +96,27 @@ class Service {
   }
 
  private:
-  std::optional<filter::ManifoldResult> Filter(const ReceivedCall& call) {
+  /// Work of the device, within the limit of time.
+  template <typename Work>
+  auto Watched(const Work& work) {
     absl::MutexLock lock(&device_mutex_);
     threads::Event has_ended;
     std::thread watch([&] {
       if (!has_ended.WaitFor(time_limit_)) Fail("it does not answer");
     });
-    std::optional<filter::ManifoldResult> result = device_->Filter(call.View());
+    auto result = work();
     has_ended.Notify();
     watch.join();
     return result;
+  }
+
+  bool Answer(const ReceivedFiltering& call, SocketStream* stream) {
+    const auto result = Watched([&] { return device_->Filter(call.View()); });
+    return result.has_value() && SendResult(*result, stream);
+  }
+  bool Answer(const ReceivedProjection& call, SocketStream* stream) {
+    const auto result = Watched([&] { return device_->Project(call.View()); });
+    return result.has_value() && SendResult(*result, stream);
   }
 
   const absl::Duration time_limit_;

@@ -7,6 +7,9 @@
 #include <limits>
 #include <optional>
 #include <thread>
+#include <utility>
+#include <variant>
+#include <vector>
 
 #include "proto/rpc/byte_stream.h"
 #include "tests/unit/filter/manifold_inputs.h"
@@ -15,7 +18,8 @@ namespace lumifold::device {
 namespace {
 
 /// A call that went over a socket.
-std::optional<ReceivedCall> Transfer(const filter::ManifoldCall& call) {
+template <typename Received, typename Call>
+std::optional<Received> Transfer(const Call& call) {
   std::array<int, 2> ends = {-1, -1};
   if (socketpair(AF_UNIX, SOCK_STREAM, 0, ends.data()) != 0) return std::nullopt;
   rpc::FileHandle from(ends[0]);
@@ -26,10 +30,11 @@ std::optional<ReceivedCall> Transfer(const filter::ManifoldCall& call) {
     from = {};
   });
   SocketStream stream(to.get());
-  std::optional<ReceivedCall> received = ReceiveCall(&stream);
+  std::optional<AnyCall> received = ReceiveCall(&stream);
   shutdown(to.get(), SHUT_RDWR);  // what is refused is not read to its end
   sender.join();
-  return received;
+  if (!received.has_value()) return std::nullopt;
+  return std::get<Received>(*std::move(received));
 }
 
 class CallMessages : public testing::Test {
@@ -37,7 +42,7 @@ class CallMessages : public testing::Test {
   filter::ManifoldCall Call() const {
     return {input_.signals, input_.features, input_.mask.view(), params_, reach_, &points_};
   }
-  bool IsReceived() const { return Transfer(Call()).has_value(); }
+  bool IsReceived() const { return Transfer<ReceivedFiltering>(Call()).has_value(); }
 
   CallMessages() { filter::AddSignals(3, &points_); }
 
@@ -48,7 +53,7 @@ class CallMessages : public testing::Test {
 };
 
 TEST_F(CallMessages, ArriveAsTheyWere) {
-  const std::optional<ReceivedCall> received = Transfer(Call());
+  const std::optional<ReceivedFiltering> received = Transfer<ReceivedFiltering>(Call());
   ASSERT_TRUE(received.has_value());
   EXPECT_EQ(received->params.height, 3);
   EXPECT_TRUE(received->params.keeps_mass && received->params.is_first_order);
@@ -92,6 +97,22 @@ TEST_F(CallMessages, OfNoValidCallAreRefused) {
   reach_ = 5;
   input_.signals.pop_back();
   EXPECT_FALSE(IsReceived()) << "planes fitted to two signals";
+}
+
+TEST_F(CallMessages, OfProjectionsArriveAsTheyWereOrNotAtAll) {
+  std::vector<float> taps(3 * 5 * 9, 0.5f);
+  const auto transfer = [&](int radius, int dimensions) {
+    return Transfer<ReceivedProjection>(filter::ProjectionCall{input_.signals, radius, dimensions, taps});
+  };
+  const std::optional<ReceivedProjection> received = transfer(1, 5);
+  ASSERT_TRUE(received.has_value());
+  EXPECT_EQ(received->radius, 1);
+  EXPECT_EQ(received->dimensions, 5);
+  EXPECT_EQ(received->taps, taps);
+  EXPECT_EQ(received->color[1].At(18, 6), input_.signals[1].At(18, 6));
+  EXPECT_FALSE(transfer(2, 5).has_value()) << "more taps than there are";
+  EXPECT_FALSE(transfer(-1, 5).has_value());
+  EXPECT_FALSE(transfer(1, 0).has_value());
 }
 
 }  // namespace

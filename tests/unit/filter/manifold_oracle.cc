@@ -16,6 +16,7 @@
 #include "filter/manifold/manifold_constants.h"
 #include "filter/opencl/kernel_run.h"
 #include "filter/opencl/manifold_run.h"
+#include "filter/opencl/projection_run.h"
 
 namespace lumifold::filter {
 namespace {
@@ -39,6 +40,7 @@ constexpr int MOST_STEP = 64;
 #define __kernel
 #define __global
 #include "filter/opencl/manifold.cl"
+#include "filter/opencl/projection.cl"
 using ulong = uint64_t;
 double as_double(ulong bits) { return std::bit_cast<double>(bits); }
 constexpr ulong kLeastSpread = std::bit_cast<ulong>(filter::kLeastSpread);
@@ -111,7 +113,7 @@ void RunInCpp::Run(const char* kernel, size_t items, std::initializer_list<Argum
                         LUMIFOLD_CALL(Axis) || LUMIFOLD_CALL(Weigh) || LUMIFOLD_CALL(KeepMass) ||
                         LUMIFOLD_CALL(Splat) || LUMIFOLD_CALL(Moments) || LUMIFOLD_CALL(Links) ||
                         LUMIFOLD_CALL(GuidedRows) || LUMIFOLD_CALL(GuidedColumns) || LUMIFOLD_CALL(Slice) ||
-                        LUMIFOLD_CALL(Probe) || LUMIFOLD_CALL(ProbeReals);
+                        LUMIFOLD_CALL(Project) || LUMIFOLD_CALL(ProbeReals);
 #undef LUMIFOLD_CALL
   LUMIFOLD_CHECK(is_known);
 }
@@ -123,6 +125,12 @@ ManifoldResult ManifoldFilterOracle(const Planes& signals, const Planes& feature
   const ManifoldCall call = {signals, features, mask, params, reach, points};
   RunInCpp run(KernelsOf(call));
   return *RunManifolds(call, &run);
+}
+
+Planes ProjectPatchesOracle(const Planes& color, const PatchBasis& basis) {
+  const ProjectionCall call = {color, basis.radius, basis.dimensions, basis.kernels};
+  RunInCpp run({.kernels = Kernels::kProjection});
+  return *RunProjection(call, &run);
 }
 
 }  // namespace lumifold::filter

@@ -1,5 +1,7 @@
 #pragma once
 
+#include "filter/image/planes.h"
+#include "filter/layers/nlm_space.h"
 #include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {
@@ -8,5 +10,8 @@ namespace lumifold::filter {
 /// after another: the same bits.
 ManifoldResult ManifoldFilterOracle(const Planes& signals, const Planes& features, ConstFloatView mask,
                                     const ManifoldParams& params, float reach, const SlicePoints* points);
+
+/// ProjectPatches by the kernel of projection.cl.
+Planes ProjectPatchesOracle(const Planes& color, const PatchBasis& basis);
 
 }  // namespace lumifold::filter

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "filter/blocks.h"
+#include "filter/layers/nlm_space.h"
 #include "filter/manifold/manifold_device.h"
 #include "filter/methods.h"
 #include "filter/opencl/device.h"
@@ -107,6 +108,20 @@ TEST_F(OpenCl, GivesTheBitsOfThisProcessorForPoints) {
     AddSignals(3, &points);
     for (const bool fits : {false, true})
       ExpectSame(input, {.keeps_mass = fits, .is_first_order = fits}, 5, &points);
+  }
+}
+
+TEST_F(OpenCl, GivesTheBitsOfThisProcessorForProjectionsOfPatches) {
+  constexpr std::pair<int, int> kSizes[] = {{37, 29}, {1, 17}, {23, 1}, {1, 1}, {70, 41}};
+  for (const auto& [width, height] : kSizes) {
+    const ManifoldInput input = MakeManifoldInput(width, height, 2, true, 16);
+    for (const int radius : {1, 2, 3}) {
+      SCOPED_TRACE(testing::Message() << width << " x " << height << ", radius " << radius);
+      const PatchBasis basis =
+          FitPatchBasis(input.signals, input.mask.view(), {.radius = radius, .most_dimensions = 5}, nullptr);
+      EXPECT_TRUE(AreSame(ProjectPatches(input.signals, basis, nullptr),
+                          ProjectPatches(input.signals, basis, pool_.get())));
+    }
   }
 }
 

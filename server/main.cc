@@ -68,7 +68,7 @@ struct FilterFlags {
   int processes = 0;
   uint64_t memory_mb = 0;
   double minutes = 1440.0;
-  std::string device = "auto";
+  lumifold::filter::DeviceChoice device;
 };
 
 /// What may lie on the disk.
@@ -172,7 +172,7 @@ void AddAddresses(CLI::App* app, Flags* flags) {
 }
 
 /// A word of filter::OpenFilterDevice.
-CLI::Validator DeviceChoice() {
+CLI::Validator KnownDevice() {
   return CLI::Validator(
       [](const std::string& choice) {
         return std::string(lumifold::filter::CheckDeviceChoice(choice).message());
@@ -198,12 +198,16 @@ void AddFilterFlags(CLI::App* app, FilterFlags* flags) {
       ->check(CLI::Range(0.01, 1e6))
       ->capture_default_str();
   app->add_option(
-         "--device", flags->device,
+         "--device", flags->device.word,
          "What filters beside the processor, with the same bits: auto (a GPU, if there is one), cpu, "
          "gpu, or gpu:N, number N of 'lumifold doctor'")
-      ->check(DeviceChoice())
+      ->check(KnownDevice())
       ->type_name("DEVICE")
       ->capture_default_str();
+  app->add_flag(
+      "--allow-other-bits", flags->device.allows_other_bits,
+      "Allow a GPU that rounds otherwise: pictures differ from others' in the last bits, their numeric "
+      "class says so, and only workers with the same GPU finish frames");
 }
 
 void AddDiskFlags(CLI::App* app, DiskFlags* flags) {

@@ -22,6 +22,7 @@
 #include "absl/strings/str_replace.h"
 #include "filter/manifold/manifold_device.h"
 #include "lumifold/v1/farm.pb.h"
+#include "proto/device/device_process.h"
 #include "proto/identity/secrets.h"
 #include "proto/logging/fields.h"
 #include "proto/logging/job_labels.h"
@@ -153,6 +154,11 @@ class ServerImpl final : public Server {
             .time_limit = options_.filter.time_limit,
             .device = options_.filter.device_process};
   }
+  /// Of the device that filters.
+  std::string OtherBits() const {
+    if (options_.filter.device != nullptr) return options_.filter.device->OtherBits();
+    return options_.filter.device_process != nullptr ? options_.filter.device_process->other_bits() : "";
+  }
   /// Opens access control where the data folder has it.
   absl::Status OpenAccess();
   std::shared_ptr<grpc::ServerCredentials> Credentials() const;
@@ -279,7 +285,8 @@ absl::Status ServerImpl::OpenCoordinator() {
        .finishing = {.processes = options_.filter.processes,
                      .threads = options_.filter.threads,
                      .memory_bytes = MemoryForPictures(),
-                     .frame_memory_bytes = options_.filter.memory_limit_bytes},
+                     .frame_memory_bytes = options_.filter.memory_limit_bytes,
+                     .other_bits = OtherBits()},
        .now = options_.now,
        .wall_now = options_.wall_now,
        .random = options_.random,

@@ -130,7 +130,7 @@ struct Flags {
   lumifold::logging::LogOptions log = {.name = "worker"};
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::string finish = "auto";
-  std::string device = "auto";
+  lumifold::filter::DeviceChoice device;
   int niceness = 10;
   std::vector<std::string> tags;
   TimeFlags times;
@@ -168,7 +168,7 @@ void AddTimeFlags(CLI::App* app, TimeFlags* flags) {
 }
 
 /// A word of filter::OpenFilterDevice.
-CLI::Validator DeviceChoice() {
+CLI::Validator KnownDevice() {
   return CLI::Validator(
       [](const std::string& choice) {
         return std::string(lumifold::filter::CheckDeviceChoice(choice).message());
@@ -183,12 +183,15 @@ void AddFinishFlags(CLI::App* app, Flags* flags) {
          "never, or only, and then it renders nothing")
       ->check(CLI::IsMember({"auto", "never", "only"}))
       ->capture_default_str();
-  app->add_option("--device", flags->device,
+  app->add_option("--device", flags->device.word,
                   "What filters these frames beside the processor, with the same bits: auto (a GPU, if there "
                   "is one), cpu, gpu, or gpu:N, number N of 'lumifold doctor'")
-      ->check(DeviceChoice())
+      ->check(KnownDevice())
       ->type_name("DEVICE")
       ->capture_default_str();
+  app->add_flag("--allow-other-bits", flags->device.allows_other_bits,
+                "Allow a GPU that rounds otherwise: frames differ from others' in the last bits, and the "
+                "worker's numeric class says so");
 }
 
 void AddFlags(CLI::App* app, Flags* flags) {
@@ -464,10 +467,12 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const std::string& addres
 }
 
 void LogStart(const Flags& flags, const Target& target, uint64_t memory_bytes, const absl::Status& has_cache,
-              spdlog::logger& log) {
+              const lumifold::filter::OpenedDevice& device, spdlog::logger& log) {
+  const std::string other_bits = device.device == nullptr ? "" : device.device->OtherBits();
   log.info("event=start name={} server={} threads={} memory_mb={} class={}",
            lumifold::logging::OneWord(flags.name), absl::StrJoin(target.servers, ","), flags.threads,
-           memory_bytes >> 20, lumifold::render::NumericClass());
+           memory_bytes >> 20, lumifold::render::NumericClass(other_bits));
+  if (!device.name.empty()) log.info("event=device name={}", lumifold::logging::Quoted(device.name));
   if (!has_cache.ok())  // what is cached is a convenience: it works without
     log.warn("event=no_asset_cache error={}", lumifold::logging::Quoted(has_cache.message()));
 }
@@ -530,8 +535,7 @@ int RunWorkerProcess(const Flags& flags) {
   const std::shared_ptr<spdlog::logger>& log = worker_log.log;
   device_log = log;
   LogSandbox(flags, *sandboxed, *log);
-  LogStart(flags, *target, *memory_bytes, has_cache, *log);
-  if (!device->name.empty()) log->info("event=device name={}", lumifold::logging::Quoted(device->name));
+  LogStart(flags, *target, *memory_bytes, has_cache, *device, *log);
   if (metrics->has_value()) log->info("event=metrics address={}", (*metrics)->address);
   const lumifold::worker::CertificateRenewal renewal({.profiles = profiles,
                                                       .profile = target->profile,

@@ -37,8 +37,9 @@ struct LocalFarmOptions {
   int threads = 1;
   /// Data folder of the coordinator; empty for a temporary folder that is removed with the farm.
   std::string state_dir;
-  /// As FilterMachine::device.
+  /// As those of FilterMachine.
   std::string device = "auto";
+  bool allows_other_bits = false;
 };
 
 /// Starts a local farm.
@@ -82,8 +83,9 @@ using DisplayedReader = std::function<absl::StatusOr<LayeredImage>(const std::st
 /// What filters: `threads` of the processor, and a device beside it.
 struct FilterMachine {
   int threads = 1;
-  /// A word of filter::OpenFilterDevice.
+  /// Those of filter::DeviceChoice.
   std::string device = "auto";
+  bool allows_other_bits = false;
   /// Receives a line about a device that fails.
   std::function<void(const std::string& line)> warn = [](const std::string&) {};
 };
@@ -103,7 +105,8 @@ struct DeviceFacts {
   std::string driver;
   bool is_gpu = false;
   uint64_t memory_bytes = 0;
-  std::string refusal;  // why it does not filter; empty: it does
+  std::string refusal;     // why it does not filter; empty: it does
+  std::string other_bits;  // why it does so on request alone; empty: it gives the processor's bits
 };
 /// The devices of this machine by number. Errors: kFailedPrecondition: it has no OpenCL.
 using DeviceLister = std::function<absl::StatusOr<std::vector<DeviceFacts>>()>;

@@ -77,7 +77,7 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
   AddDisplayOptions(command_line, &options->display);
   command_line.AddWholeNumber("--threads", &options->machine.threads, 1, kMaxThreads,
                               "Threads of the filter (default: all of this machine)");
-  AddDevice(command_line, &options->machine.device);
+  AddDevice(command_line, &options->machine.device, &options->machine.allows_other_bits);
   AddListOptions(&command_line, options);
   command_line.SetFooter(absl::StrCat(
       "A layout file has lines of ROLE = LAYER or ROLE = LAYER + LAYER, with the roles combined, direct,\n"

@@ -60,7 +60,7 @@ std::optional<ExitCode> ParseRender(const std::vector<std::string>& arguments, c
   options->hook.AddTo(command_line);
   command_line.AddWholeNumber("--threads", &options->farm.threads, 1, kMaxThreads,
                               "Threads to render with (default: all of this machine)");
-  AddDevice(command_line, &options->farm.device);
+  AddDevice(command_line, &options->farm.device, &options->farm.allows_other_bits);
   command_line.AddText("--state", "DIR", &options->farm.state_dir,
                        "Data folder for ledger and results (default: a temporary folder)");
   AddJson(command_line, &options->json);

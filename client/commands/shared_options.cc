@@ -24,11 +24,13 @@ constexpr char kNobody[] = "anonymous";
 
 }  // namespace
 
-void AddDevice(CommandLine& command_line, std::string* device) {
+void AddDevice(CommandLine& command_line, std::string* device, bool* allows_other_bits) {
   command_line.AddText(
       "--device", "DEVICE", device,
       "What filters beside the processor, with the same bits: auto, cpu, gpu, or gpu:N, number N "
       "of 'lumifold doctor' (default auto: a GPU, if there is one)");
+  command_line.AddFlag("--allow-other-bits", allows_other_bits,
+                       "Allow a GPU that rounds otherwise: the picture differs in the last bits");
 }
 
 void RemoteOptions::AddOptions(CommandLine& command_line) {

@@ -21,7 +21,7 @@ namespace lumifold::client {
 constexpr int kMaxThreads = 4096;
 
 /// --device, of commands that filter in this process.
-void AddDevice(CommandLine& command_line, std::string* device);
+void AddDevice(CommandLine& command_line, std::string* device, bool* allows_other_bits);
 
 /// Options of every command that connects to a coordinator.
 struct RemoteOptions {

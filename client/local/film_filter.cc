@@ -40,7 +40,7 @@ absl::Status FilterFilm(FilmSource* film, const std::string& method, const clien
                         const std::vector<std::string>& passed_on, const RowSink& sink,
                         const std::function<void(double share)>& progress) {
   absl::StatusOr<filter::OpenedDevice> device =
-      device::OpenDevice({.choice = machine.device, .warn = machine.warn});
+      device::OpenDevice({.choice = {machine.device, machine.allows_other_bits}, .warn = machine.warn});
   if (!device.ok()) return device.status();
   const std::unique_ptr<TaskPool> pool = filter::WithDevice(MakeTaskPool(machine.threads), device->device);
   FilmWithHalves halved(film, pool.get());
@@ -52,7 +52,8 @@ absl::StatusOr<std::vector<client::DeviceFacts>> ListDevices() {
   if (!devices.ok()) return devices.status();
   std::vector<client::DeviceFacts> facts;
   for (const filter::DeviceInfo& device : *devices)
-    facts.push_back({device.name, device.driver, device.is_gpu, device.memory_bytes, device.refusal});
+    facts.push_back(
+        {device.name, device.driver, device.is_gpu, device.memory_bytes, device.refusal, device.other_bits});
   return facts;
 }
 

@@ -111,8 +111,9 @@ absl::StatusOr<std::unique_ptr<client::LocalFarm>> StartLocalFarm(const client::
   server_options.only_one_worker = true;
   server_options.filter.threads = options.threads;
   const auto warnings = std::make_shared<Lines>();
-  absl::StatusOr<filter::OpenedDevice> device = device::OpenDevice(
-      {.choice = options.device, .warn = [warnings](const std::string& line) { warnings->Add(line); }});
+  absl::StatusOr<filter::OpenedDevice> device =
+      device::OpenDevice({.choice = {options.device, options.allows_other_bits},
+                          .warn = [warnings](const std::string& line) { warnings->Add(line); }});
   if (!device.ok()) return device.status();
   server_options.filter.device = device->device;
   if (options.state_dir.empty()) {

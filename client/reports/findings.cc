@@ -85,12 +85,16 @@ Findings AboutDevices(const absl::StatusOr<std::vector<DeviceFacts>>& devices) {
     const DeviceFacts& device = (*devices)[i];
     const std::string text = absl::StrCat("gpu:", i, " is ", device.name, device.is_gpu ? "" : ", no GPU",
                                           ", ", Gigabytes(device.memory_bytes), ", ", device.driver);
-    if (device.refusal.empty())
+    if (!device.refusal.empty())
+      findings.push_back({Level::kNote, kSubject, absl::StrCat(text, ": does not filter: ", device.refusal)});
+    else if (!device.other_bits.empty())
+      findings.push_back(
+          {Level::kNote, kSubject,
+           absl::StrCat(text, ": filters with --allow-other-bits alone: ", device.other_bits)});
+    else
       findings.push_back(
           {Level::kOk, kSubject,
            absl::StrCat(text, device.is_gpu ? ": filters" : ": filters if it is named, with --device")});
-    else
-      findings.push_back({Level::kNote, kSubject, absl::StrCat(text, ": does not filter: ", device.refusal)});
   }
   return findings;
 }

@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "filter/image/parallel.h"
@@ -35,7 +36,10 @@ class ManifoldDevice {
  public:
   virtual ~ManifoldDevice() = default;
 
-  /// The bits of ManifoldFilterAtPoints; nullopt: the device cannot, and the processor does it.
+  /// A name for its bits where they are not the processor's; empty: they are.
+  virtual std::string OtherBits() const = 0;
+
+  /// The result of ManifoldFilterAtPoints; nullopt: the device cannot, and the processor does it.
   virtual std::optional<ManifoldResult> Filter(const ManifoldCall& call) = 0;
   /// The same of ProjectPatches.
   virtual std::optional<Planes> Project(const ProjectionCall& call) = 0;

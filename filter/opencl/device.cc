@@ -43,9 +43,13 @@ T NumberOf(const OpenClLibrary& cl, cl_device_id device, cl_device_info what) {
 }
 
 std::string RefusalOf(const OpenClLibrary& cl, cl_device_id device) {
-  const auto single = NumberOf<cl_device_fp_config>(cl, device, CL_DEVICE_SINGLE_FP_CONFIG);
   if (NumberOf<cl_bool>(cl, device, CL_DEVICE_COMPILER_AVAILABLE) == CL_FALSE) return "it has no compiler";
   if (NumberOf<cl_bool>(cl, device, CL_DEVICE_ENDIAN_LITTLE) == CL_FALSE) return "its numbers are big-endian";
+  return "";
+}
+
+std::string OtherBitsOf(const OpenClLibrary& cl, cl_device_id device) {
+  const auto single = NumberOf<cl_device_fp_config>(cl, device, CL_DEVICE_SINGLE_FP_CONFIG);
   if ((single & CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT) == 0)
     return "it does not round quotients and roots correctly";
   if ((single & CL_FP_DENORM) == 0) return "it has no denormal numbers";
@@ -75,12 +79,13 @@ bool HasDoubles(const OpenClLibrary& cl, cl_device_id device) {
 }
 
 /// Options of the compiler: how numbers round, and what the kernels ask for.
-std::string CompilerOptions(const KernelOptions& options, bool has_doubles) {
+std::string CompilerOptions(const KernelOptions& options, bool has_doubles, bool has_own_bits) {
   std::string text = absl::StrFormat(
-      "-cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt -DFEATURES=%d -DCHANNELS=%d -DFITS=%d -DSTEP=%d "
+      "-cl-std=CL1.2 %s -DFEATURES=%d -DCHANNELS=%d -DFITS=%d -DSTEP=%d "
       "-DMOST_FEATURES=%d -DMOST_PLANES=%d -DMOST_STEP=%d -DDOUBLES=%d",
-      options.features, options.channels, options.fits ? 1 : 0, options.step, options.features,
-      options.planes(), options.step, has_doubles ? 1 : 0);
+      has_own_bits ? "-cl-fp32-correctly-rounded-divide-sqrt" : "", options.features, options.channels,
+      options.fits ? 1 : 0, options.step, options.features, options.planes(), options.step,
+      has_doubles ? 1 : 0);
   const std::pair<const char*, float> constants[] = {{"kFarthest", kFarthest},
                                                      {"kSeam", kSeam},
                                                      {"kSqrt2", kSqrt2},
@@ -220,6 +225,7 @@ class OpenClDevice final : public Device {
       : cl_(cl),
         device_(device),
         has_doubles_(HasDoubles(cl, device)),
+        has_own_bits_(OtherBitsOf(cl, device).empty()),
         context_(nullptr, cl.clReleaseContext),
         queue_(nullptr, cl.clReleaseCommandQueue) {}
 
@@ -237,7 +243,8 @@ class OpenClDevice final : public Device {
       absl::StatusOr<Held<cl_program>> program = Build(options);
       if (!program.ok()) return program.status();
       OpenClRun probe(cl_, context_.get(), queue_.get(), program->get());
-      if (absl::Status status = CheckBits(options.kernels, &probe); !status.ok()) return status;
+      const absl::Status status = has_own_bits_ ? CheckBits(options.kernels, &probe) : absl::OkStatus();
+      if (!status.ok()) return status;
       found = programs_.emplace(options, *std::move(program)).first;
     }
     return std::make_unique<OpenClRun>(cl_, context_.get(), queue_.get(), found->second.get());
@@ -256,8 +263,9 @@ class OpenClDevice final : public Device {
                                       nullptr, &error),
         cl_.clReleaseProgram);
     if (error != CL_SUCCESS) return OpenClStatus(error, "clCreateProgramWithSource");
-    error = cl_.clBuildProgram(program.get(), 1, &device_, CompilerOptions(options, has_doubles_).c_str(),
-                               nullptr, nullptr);
+    error =
+        cl_.clBuildProgram(program.get(), 1, &device_,
+                           CompilerOptions(options, has_doubles_, has_own_bits_).c_str(), nullptr, nullptr);
     if (error == CL_SUCCESS) return program;
     std::vector<char> log(size_t{1} << 14);
     cl_.clGetProgramBuildInfo(program.get(), device_, CL_PROGRAM_BUILD_LOG, log.size() - 1, log.data(),
@@ -269,6 +277,7 @@ class OpenClDevice final : public Device {
   const OpenClLibrary& cl_;
   const cl_device_id device_;
   const bool has_doubles_;
+  const bool has_own_bits_;
   Held<cl_context> context_;
   Held<cl_command_queue> queue_;
   std::map<KernelOptions, Held<cl_program>> programs_;
@@ -288,12 +297,13 @@ absl::StatusOr<std::vector<DeviceInfo>> ListDevices() {
                                 TextOf(cl, device, CL_DRIVER_VERSION)),
          .is_gpu = (NumberOf<cl_device_type>(cl, device, CL_DEVICE_TYPE) & CL_DEVICE_TYPE_GPU) != 0,
          .memory_bytes = NumberOf<cl_ulong>(cl, device, CL_DEVICE_GLOBAL_MEM_SIZE),
-         .refusal = RefusalOf(cl, device)});
+         .refusal = RefusalOf(cl, device),
+         .other_bits = OtherBitsOf(cl, device)});
   }
   return devices;
 }
 
-absl::StatusOr<std::unique_ptr<Device>> OpenDevice(size_t number) {
+absl::StatusOr<std::unique_ptr<Device>> OpenDevice(size_t number, bool allows_other_bits) {
   const absl::StatusOr<const OpenClLibrary*> library = LoadOpenCl();
   if (!library.ok()) return library.status();
   const std::vector<cl_device_id> devices = FindDevices(**library);
@@ -301,6 +311,11 @@ absl::StatusOr<std::unique_ptr<Device>> OpenDevice(size_t number) {
     return absl::OutOfRangeError(absl::StrCat("there is no device ", number, " of OpenCL"));
   const std::string refusal = RefusalOf(**library, devices[number]);
   if (!refusal.empty()) return absl::FailedPreconditionError(refusal);
+  const std::string other_bits = OtherBitsOf(**library, devices[number]);
+  if (!other_bits.empty() && !allows_other_bits)
+    return absl::FailedPreconditionError(absl::StrCat(TextOf(**library, devices[number], CL_DEVICE_NAME),
+                                                      " has other bits: ", other_bits,
+                                                      ". --allow-other-bits takes it all the same"));
   auto device = std::make_unique<OpenClDevice>(**library, devices[number]);
   if (absl::Status status = device->Open(); !status.ok()) return status;
   return device;

@@ -16,8 +16,10 @@ struct DeviceInfo {
   std::string driver;  // the platform's name and version
   bool is_gpu = false;
   uint64_t memory_bytes = 0;
-  /// Why it does not give the bits of this processor; empty: it says that it does.
+  /// Why it cannot filter; empty: it can.
   std::string refusal;
+  /// Why its bits are not this processor's; empty: it says that they are.
+  std::string other_bits;
 };
 
 /// All devices of this machine, numbered from 0.
@@ -30,14 +32,17 @@ class Device {
  public:
   virtual ~Device() = default;
 
-  /// Builds the kernels, unless it has, and checks that they give this processor's bits.
+  /// Builds the kernels, unless it has, and checks that they give this processor's bits, unless others are
+  /// allowed.
   /// Errors: kFailedPrecondition: they do not; kInternal with the compiler's words.
   /// The device must outlive the run.
   virtual absl::StatusOr<std::unique_ptr<KernelRun>> Begin(const KernelOptions& options) = 0;
 };
 
-/// Opens device `number` of ListDevices().
-/// Errors: kOutOfRange: there is none of that number; kFailedPrecondition with DeviceInfo::refusal.
-absl::StatusOr<std::unique_ptr<Device>> OpenDevice(size_t number);
+/// Opens device `number` of ListDevices(). With `allows_other_bits` the kernels of a device that has other
+/// bits are not checked.
+/// Errors: kOutOfRange: there is none of that number; kFailedPrecondition with DeviceInfo::refusal, or with
+/// DeviceInfo::other_bits where they are not allowed.
+absl::StatusOr<std::unique_ptr<Device>> OpenDevice(size_t number, bool allows_other_bits);
 
 }  // namespace lumifold::filter

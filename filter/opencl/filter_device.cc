@@ -1,6 +1,7 @@
 #include "filter/opencl/filter_device.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <filesystem>
 #include <mutex>
 #include <optional>
@@ -23,8 +24,10 @@ constexpr const char* kGpuFiles[] = {"/dev/dri", "/dev/nvidiactl", "/dev/kfd", "
 
 class FilterDevice final : public ManifoldDevice {
  public:
-  FilterDevice(std::unique_ptr<Device> device, DeviceWarning warn)
-      : warn_(std::move(warn)), device_(std::move(device)) {}
+  FilterDevice(std::unique_ptr<Device> device, DeviceWarning warn, std::string other_bits)
+      : warn_(std::move(warn)), other_bits_(std::move(other_bits)), device_(std::move(device)) {}
+
+  std::string OtherBits() const override { return other_bits_; }
 
   std::optional<ManifoldResult> Filter(const ManifoldCall& call) override {
     return Run(KernelsOf(call), [&call](KernelRun* run) { return RunManifolds(call, run); });
@@ -54,6 +57,7 @@ class FilterDevice final : public ManifoldDevice {
   }
 
   const DeviceWarning warn_;
+  const std::string other_bits_;
   std::mutex mutex_;
   const std::unique_ptr<Device> device_;  // used by one thread at a time
   bool has_failed_ = false;
@@ -68,29 +72,45 @@ std::optional<size_t> NumberIn(std::string_view choice) {
   return number;
 }
 
-absl::StatusOr<size_t> FirstGpu(const std::vector<DeviceInfo>& devices) {
+absl::StatusOr<size_t> FirstGpu(const std::vector<DeviceInfo>& devices, bool allows_other_bits) {
   std::string refusals;
+  std::optional<size_t> with_other_bits;
   for (size_t i = 0; i < devices.size(); ++i) {
-    if (!devices[i].is_gpu) continue;
-    if (devices[i].refusal.empty()) return i;
-    absl::StrAppend(&refusals, "; ", devices[i].name, ": ", devices[i].refusal);
+    const DeviceInfo& device = devices[i];
+    if (!device.is_gpu) continue;
+    if (device.refusal.empty() && device.other_bits.empty()) return i;
+    if (device.refusal.empty() && !with_other_bits.has_value()) with_other_bits = i;
+    absl::StrAppend(&refusals, "; ", device.name, ": ",
+                    device.refusal.empty() ? device.other_bits : device.refusal);
   }
+  if (with_other_bits.has_value() && allows_other_bits) return *with_other_bits;
   return absl::FailedPreconditionError(
-      absl::StrCat("OpenCL has no GPU here that gives this processor's bits", refusals));
+      absl::StrCat("OpenCL has no GPU here that gives this processor's bits", refusals,
+                   with_other_bits.has_value() ? ". --allow-other-bits takes it all the same" : ""));
 }
 
-absl::StatusOr<OpenedDevice> Open(std::string_view choice, DeviceWarning warn) {
+/// A hash of the device and its driver, which decide the bits.
+std::string NameOfBits(const DeviceInfo& device) {
+  uint32_t hash = 2166136261;  // FNV-1a
+  for (const char c : absl::StrCat(device.name, "\n", device.driver))
+    hash = (hash ^ static_cast<uint8_t>(c)) * 16777619;
+  return absl::StrCat(absl::Hex(hash, absl::kZeroPad8));
+}
+
+absl::StatusOr<OpenedDevice> Open(const DeviceChoice& choice, DeviceWarning warn) {
   const absl::StatusOr<std::vector<DeviceInfo>> devices = ListDevices();
   if (!devices.ok()) return devices.status();
   absl::StatusOr<size_t> number = 0;
-  if (const std::optional<size_t> named = NumberIn(choice))
+  if (const std::optional<size_t> named = NumberIn(choice.word))
     number = *named;
   else
-    number = FirstGpu(*devices);
+    number = FirstGpu(*devices, choice.allows_other_bits);
   if (!number.ok()) return number.status();
-  absl::StatusOr<std::unique_ptr<Device>> device = OpenDevice(*number);
+  absl::StatusOr<std::unique_ptr<Device>> device = OpenDevice(*number, choice.allows_other_bits);
   if (!device.ok()) return device.status();
-  return OpenedDevice{(*devices)[*number].name, MakeFilterDevice(*std::move(device), std::move(warn))};
+  const DeviceInfo& info = (*devices)[*number];
+  return OpenedDevice{info.name, MakeFilterDevice(*std::move(device), std::move(warn),
+                                                  info.other_bits.empty() ? "" : NameOfBits(info))};
 }
 
 }  // namespace
@@ -102,8 +122,9 @@ bool MayHaveGpu() {
   });
 }
 
-std::shared_ptr<ManifoldDevice> MakeFilterDevice(std::unique_ptr<Device> device, DeviceWarning warn) {
-  return std::make_shared<FilterDevice>(std::move(device), std::move(warn));
+std::shared_ptr<ManifoldDevice> MakeFilterDevice(std::unique_ptr<Device> device, DeviceWarning warn,
+                                                 std::string other_bits) {
+  return std::make_shared<FilterDevice>(std::move(device), std::move(warn), std::move(other_bits));
 }
 
 absl::Status CheckDeviceChoice(std::string_view choice) {
@@ -113,11 +134,11 @@ absl::Status CheckDeviceChoice(std::string_view choice) {
       absl::StrCat("\"", std::string(choice), "\" is no device; there are: auto, cpu, gpu, gpu:N"));
 }
 
-absl::StatusOr<OpenedDevice> OpenFilterDevice(std::string_view choice, DeviceWarning warn) {
-  if (absl::Status status = CheckDeviceChoice(choice); !status.ok()) return status;
-  if (choice == "cpu") return OpenedDevice{};
+absl::StatusOr<OpenedDevice> OpenFilterDevice(const DeviceChoice& choice, DeviceWarning warn) {
+  if (absl::Status status = CheckDeviceChoice(choice.word); !status.ok()) return status;
+  if (choice.word == "cpu") return OpenedDevice{};
   absl::StatusOr<OpenedDevice> device = Open(choice, std::move(warn));
-  if (!device.ok() && choice == "auto") return OpenedDevice{};
+  if (!device.ok() && choice.word == "auto") return OpenedDevice{};
   return device;
 }
 

@@ -23,7 +23,16 @@ absl::Status CheckDeviceChoice(std::string_view choice);
 bool MayHaveGpu();
 
 /// Filters on `device`. If it fails it is given up for good: `warn` is told, once, and the processor filters.
-std::shared_ptr<ManifoldDevice> MakeFilterDevice(std::unique_ptr<Device> device, DeviceWarning warn);
+/// `other_bits`: as ManifoldDevice::OtherBits.
+std::shared_ptr<ManifoldDevice> MakeFilterDevice(std::unique_ptr<Device> device, DeviceWarning warn,
+                                                 std::string other_bits = "");
+
+struct DeviceChoice {
+  /// One that CheckDeviceChoice() knows.
+  std::string word = "auto";
+  /// Also a device whose bits are not this processor's.
+  bool allows_other_bits = false;
+};
 
 struct OpenedDevice {
   std::string name;
@@ -32,10 +41,10 @@ struct OpenedDevice {
 
 /// MakeFilterDevice with the device that is chosen, opened:
 ///   cpu    none;
-///   gpu    the first GPU that gives this processor's bits;
+///   gpu    the first GPU that gives this processor's bits, or else, where allowed, others;
 ///   gpu:N  device N of ListDevices(), whatever it is;
 ///   auto   that of gpu, or none where there is none.
 /// Errors: those of CheckDeviceChoice and OpenDevice; kFailedPrecondition: there is no such GPU.
-absl::StatusOr<OpenedDevice> OpenFilterDevice(std::string_view choice, DeviceWarning warn);
+absl::StatusOr<OpenedDevice> OpenFilterDevice(const DeviceChoice& choice, DeviceWarning warn);
 
 }  // namespace lumifold::filter

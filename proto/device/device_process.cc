@@ -77,11 +77,14 @@ bool SendDescriptor(int control, int descriptor) {
 
 class DeviceLink final : public filter::ManifoldDevice {
  public:
-  DeviceLink(rpc::FileHandle connection, absl::Duration time_limit, std::function<void()> on_failure)
+  DeviceLink(rpc::FileHandle connection, std::string other_bits, absl::Duration time_limit,
+             std::function<void()> on_failure)
       : connection_(std::move(connection)),
+        other_bits_(std::move(other_bits)),
         stream_(connection_.get(), kQueue * time_limit),
         on_failure_(std::move(on_failure)) {}
 
+  std::string OtherBits() const override { return other_bits_; }
   std::optional<filter::ManifoldResult> Filter(const filter::ManifoldCall& call) override {
     return Ask(call);
   }
@@ -101,6 +104,7 @@ class DeviceLink final : public filter::ManifoldDevice {
   }
 
   const rpc::FileHandle connection_;
+  const std::string other_bits_;
   absl::Mutex mutex_;
   SocketStream stream_ ABSL_GUARDED_BY(mutex_);
   const std::function<void()> on_failure_;
@@ -113,6 +117,7 @@ class OwnDevice final : public filter::ManifoldDevice {
   explicit OwnDevice(std::unique_ptr<DeviceProcess> process)
       : process_(std::move(process)), link_(process_->Link()) {}
 
+  std::string OtherBits() const override { return link_->OtherBits(); }
   std::optional<filter::ManifoldResult> Filter(const filter::ManifoldCall& call) override {
     return link_->Filter(call);
   }
@@ -133,13 +138,14 @@ absl::Duration DeviceProcessOptions::DefaultTimeLimit() {
 }
 
 absl::StatusOr<std::unique_ptr<DeviceProcess>> DeviceProcess::Start(DeviceProcessOptions options) {
-  if (absl::Status status = filter::CheckDeviceChoice(options.choice); !status.ok()) return status;
-  const bool is_auto = options.choice == "auto";
-  if (options.choice == "cpu" || (is_auto && !filter::MayHaveGpu())) return nullptr;
+  const filter::DeviceChoice& choice = options.choice;
+  if (absl::Status status = filter::CheckDeviceChoice(choice.word); !status.ok()) return status;
+  const bool is_auto = choice.word == "auto";
+  if (choice.word == "cpu" || (is_auto && !filter::MayHaveGpu())) return nullptr;
   absl::StatusOr<Ends> control = MakeSockets(SOCK_SEQPACKET);
   if (!control.ok()) return control.status();
   absl::StatusOr<std::unique_ptr<subprocess::Child>> child = subprocess::Child::Start(
-      {.words = {options.program, kDeviceCommand, options.choice,
+      {.words = {options.program, kDeviceCommand, choice.word, choice.allows_other_bits ? "1" : "0",
                  absl::StrCat(absl::ToDoubleSeconds(options.time_limit)), options.user},
        .in = subprocess::Stream::kFile,
        .in_file = control->there.get(),
@@ -162,7 +168,10 @@ absl::Status DeviceProcess::AwaitOpen() {
   if (!message.has_value()) return absl::DeadlineExceededError("the driver of the device does not answer");
   if (message->empty()) return absl::FailedPreconditionError("the driver of the device has crashed");
   if (message->front() == kFailed) return absl::FailedPreconditionError(message->substr(1));
-  if (message->front() == kReady) name_ = message->substr(1);
+  if (message->front() != kReady) return absl::OkStatus();
+  const size_t end = message->find('\n');
+  name_ = message->substr(1, end - 1);
+  other_bits_ = message->substr(std::min(end, message->size() - 1) + 1);
   return absl::OkStatus();
 }
 
@@ -186,7 +195,7 @@ rpc::FileHandle DeviceProcess::Connect() {
 }
 
 std::shared_ptr<filter::ManifoldDevice> DeviceProcess::Link() {
-  return MakeDeviceLink(Connect(), options_.time_limit, [this] { CheckFailure(kLastWords); });
+  return MakeDeviceLink(Connect(), other_bits_, options_.time_limit, [this] { CheckFailure(kLastWords); });
 }
 
 void DeviceProcess::CheckFailure(absl::Duration patience) {
@@ -203,9 +212,11 @@ void DeviceProcess::Fail(const std::string& message) {
   child_->Kill();
 }
 
-std::shared_ptr<filter::ManifoldDevice> MakeDeviceLink(rpc::FileHandle connection, absl::Duration time_limit,
+std::shared_ptr<filter::ManifoldDevice> MakeDeviceLink(rpc::FileHandle connection, std::string other_bits,
+                                                       absl::Duration time_limit,
                                                        std::function<void()> on_failure) {
-  return std::make_shared<DeviceLink>(std::move(connection), time_limit, std::move(on_failure));
+  return std::make_shared<DeviceLink>(std::move(connection), std::move(other_bits), time_limit,
+                                      std::move(on_failure));
 }
 
 absl::StatusOr<filter::OpenedDevice> OpenDevice(DeviceProcessOptions options) {

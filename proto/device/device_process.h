@@ -19,8 +19,7 @@ namespace lumifold::device {
 struct DeviceProcessOptions {
   /// The program to start; its main passes the arguments after kDeviceCommand to RunDeviceProcess.
   std::string program = "/proc/self/exe";
-  /// A word of filter::OpenFilterDevice.
-  std::string choice = "auto";
+  filter::DeviceChoice choice = {};
   /// User that the process becomes if this one is root; empty: it stays.
   std::string user = {};
   /// Within which the device has to be opened, and to do the work of one call, the compilation of its kernels
@@ -49,6 +48,8 @@ class DeviceProcess {
   ~DeviceProcess();
 
   const std::string& name() const { return name_; }
+  /// As filter::ManifoldDevice::OtherBits.
+  const std::string& other_bits() const { return other_bits_; }
 
   /// A connection for MakeDeviceLink, here or in a child process. Not valid once the device has failed.
   rpc::FileHandle Connect() ABSL_LOCKS_EXCLUDED(mutex_);
@@ -68,14 +69,16 @@ class DeviceProcess {
   const DeviceProcessOptions options_;
   std::unique_ptr<subprocess::Child> child_;
   std::string name_;  // empty: there is no device
+  std::string other_bits_;
   absl::Mutex mutex_;
   rpc::FileHandle control_ ABSL_GUARDED_BY(mutex_);
   bool has_failed_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
 /// Filters over a connection. When that ends, `on_failure` is called, once, and the processor filters.
-/// `time_limit`: that of the process; a caller may wait for others.
-std::shared_ptr<filter::ManifoldDevice> MakeDeviceLink(rpc::FileHandle connection, absl::Duration time_limit,
+/// `time_limit`: that of the process; a caller may wait for others. `other_bits`: those of the process.
+std::shared_ptr<filter::ManifoldDevice> MakeDeviceLink(rpc::FileHandle connection, std::string other_bits,
+                                                       absl::Duration time_limit,
                                                        std::function<void()> on_failure);
 
 /// A process with a device and a connection to it, for a program that filters itself.

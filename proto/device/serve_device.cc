@@ -146,7 +146,7 @@ rpc::FileHandle NextConnection() {
   return rpc::FileHandle(descriptor);
 }
 
-absl::StatusOr<filter::OpenedDevice> Open(const std::string& choice, const std::string& user,
+absl::StatusOr<filter::OpenedDevice> Open(const filter::DeviceChoice& choice, const std::string& user,
                                           Service* service) {
   if (absl::Status status = BecomeUser(user); !status.ok()) return status;
   return filter::OpenFilterDevice(choice, [service](const std::string& reason) { service->Fail(reason); });
@@ -156,9 +156,10 @@ absl::StatusOr<filter::OpenedDevice> Open(const std::string& choice, const std::
 
 int RunDeviceProcess(const std::vector<std::string>& arguments) {
   double seconds = 0;
-  if (arguments.size() != 3 || !absl::SimpleAtod(arguments[1], &seconds)) return kFailedCode;
+  if (arguments.size() != 4 || !absl::SimpleAtod(arguments[2], &seconds)) return kFailedCode;
   Service service(absl::Seconds(seconds));
-  const absl::StatusOr<filter::OpenedDevice> device = Open(arguments[0], arguments[2], &service);
+  const absl::StatusOr<filter::OpenedDevice> device =
+      Open({.word = arguments[0], .allows_other_bits = arguments[1] == "1"}, arguments[3], &service);
   if (!device.ok()) {
     Say(kFailed, std::string(device.status().message()));
     return kFailedCode;
@@ -168,7 +169,7 @@ int RunDeviceProcess(const std::vector<std::string>& arguments) {
     return 0;
   }
   service.SetDevice(device->device);
-  Say(kReady, device->name);
+  Say(kReady, absl::StrCat(device->name, "\n", device->device->OtherBits()));
   while (true) {
     rpc::FileHandle connection = NextConnection();
     if (connection.get() < 0) _exit(0);  // the driver's threads and ours may be at work

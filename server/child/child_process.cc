@@ -62,12 +62,13 @@ absl::StatusOr<std::unique_ptr<Child>> Start(std::vector<std::string> words, con
 
 absl::StatusOr<std::string> ChildProcess::Run(const ChildWork& work) {
   rpc::FileHandle connection = options_.device == nullptr ? rpc::FileHandle() : options_.device->Connect();
-  std::vector<std::string> words = {options_.program,
-                                    work.command,
-                                    work.root,
-                                    absl::StrCat(work.threads),
-                                    absl::StrCat(options_.memory_limit_bytes),
-                                    connection.get() < 0 ? "" : kOnDevice};
+  std::vector<std::string> words = {
+      options_.program,
+      work.command,
+      work.root,
+      absl::StrCat(work.threads),
+      absl::StrCat(options_.memory_limit_bytes),
+      connection.get() < 0 ? "" : absl::StrCat(kOnDevice, options_.device->other_bits())};
   words.insert(words.end(), work.arguments.begin(), work.arguments.end());
   absl::StatusOr<std::unique_ptr<Child>> child;
   std::list<Running>::iterator running;

@@ -11,6 +11,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
 #include "filter/image/exr_io.h"
 #include "filter/image/memory.h"
 #include "filter/manifold/manifold_device.h"
@@ -63,9 +64,10 @@ absl::Status SandboxThisProcess(const DataFolder& folder, const std::string& sto
   return sandbox::EnterSandbox(options).status();
 }
 
-/// The parent's device. The parent tells of its failure.
-std::shared_ptr<filter::ManifoldDevice> DeviceOfParent() {
-  return device::MakeDeviceLink(rpc::FileHandle(STDIN_FILENO),
+/// The parent's device; null: it has none. The parent tells of its failure.
+std::shared_ptr<filter::ManifoldDevice> DeviceOfParent(absl::string_view argument) {
+  if (!absl::ConsumePrefix(&argument, kOnDevice)) return nullptr;
+  return device::MakeDeviceLink(rpc::FileHandle(STDIN_FILENO), std::string(argument),
                                 device::DeviceProcessOptions::DefaultTimeLimit(), [] {});
 }
 
@@ -94,7 +96,7 @@ absl::StatusOr<std::string> RunInChild(const std::vector<std::string>& arguments
   KeepFreedMemory();
   SetExrThreads(threads);
   const std::unique_ptr<TaskPool> pool =
-      filter::WithDevice(MakeTaskPool(threads), arguments[3] == kOnDevice ? DeviceOfParent() : nullptr);
+      filter::WithDevice(MakeTaskPool(threads), DeviceOfParent(arguments[3]));
   try {
     return body({folder,
                  **store,

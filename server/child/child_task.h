@@ -23,8 +23,9 @@ inline constexpr int kIdleNiceness = 19;
 /// Last argument of a task that somebody waits for: niceness 0.
 inline constexpr char kUrgent[] = "urgent";
 
-/// Argument of a child whose standard input is a connection to a device.
-inline constexpr char kOnDevice[] = "device";
+/// Begin of an argument of a child whose standard input is a connection to a device; its
+/// filter::ManifoldDevice::OtherBits follow.
+inline constexpr char kOnDevice[] = "device+";
 
 /// A child writes to standard output how far it is, in bytes of kNoPercent and the per cents, then kAnswer
 /// and its answer. In place of that: the number of the status code, a space and the message, with exit code

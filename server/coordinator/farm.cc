@@ -272,7 +272,8 @@ void Farm::QueueDue(const FrameKey& key) {
     frame.rendered = absl::Seconds(active->record.times.render_seconds());
     frame.memory_bytes = PictureMemoryOf(active->record.spec);
     const v1::JobSpec& spec = active->record.spec;
-    const bool is_of_workers_too = SharesPictureCode(scheduler.jobs().NumericClassOf(frame.job));
+    const bool is_of_workers_too = SharesPictureCode(scheduler.jobs().NumericClassOf(frame.job),
+                                                     resources_->options.finishing.other_bits);
     if (frame.round != DueFrame::kResult) {
       // What follows from an estimate is not compared: those of audited jobs are made here.
       frame.may_travel = is_of_workers_too && active->record.scheduling.audit_share() == 0 &&

@@ -23,8 +23,9 @@ using job::WorkerId;
 constexpr int kInFlight = 2;
 
 /// Whether the result of each frame is made by one worker from units alone, and believed.
-bool CanBeKept(const ledger::JobRecord& job, const std::string& numeric_class) {
-  return !job.spec.has_adaptive() && job.scheduling.audit_share() == 0 && SharesPictureCode(numeric_class) &&
+bool CanBeKept(const Resources& resources, const ledger::JobRecord& job, const std::string& numeric_class) {
+  return !job.spec.has_adaptive() && job.scheduling.audit_share() == 0 &&
+         SharesPictureCode(numeric_class, resources.options.finishing.other_bits) &&
          FrameBlocks(job.spec).count() == 1;
 }
 
@@ -37,7 +38,8 @@ bool IsBeingFinished(const FrameQueue& frames, const FrameKey& frame) {
 
 void LetKeep(const Resources& resources, const JobId& job, Farm* farm) {
   const ActiveJob* const active = farm->jobs.FindActive(job);
-  if (active == nullptr || !CanBeKept(active->record, farm->scheduler.jobs().NumericClassOf(job))) return;
+  if (active == nullptr || !CanBeKept(resources, active->record, farm->scheduler.jobs().NumericClassOf(job)))
+    return;
   const uint64_t record_bytes =
       DemandOf(active->record.spec, farm->scheduler.jobs().UnitsOf(job), active->unit_bytes).log_bytes;
   const auto frames = static_cast<uint64_t>(farm->scheduler.jobs().Progress(job).frames_total);

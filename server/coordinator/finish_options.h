@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <string>
 
 #include "absl/time/time.h"
 
@@ -20,6 +21,9 @@ struct FinishOptions {
   uint64_t memory_bytes = 0;
   /// A frame takes no more than this; 0: no limit.
   uint64_t frame_memory_bytes = 0;
+  /// Of the device that filters here (filter::ManifoldDevice::OtherBits): workers without them finish
+  /// nothing.
+  std::string other_bits = {};
 
   /// Frames of this memory that can be finished at a time, if there are no others.
   int PlacesFor(uint64_t bytes) const {

@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
+#include "filter/manifold/manifold_device.h"
 #include "lumifold/v1/worker.grpc.pb.h"
 #include "proto/logging/fields.h"
 #include "proto/monitoring/endpoint.h"
@@ -173,11 +174,17 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
   std::deque<v1::WorkerMessage> outgoing_ ABSL_GUARDED_BY(mutex_);  // the front is being written
 };
 
+/// The class of a worker and of the frames that it finishes.
+std::string ClassOf(const WorkerOptions& options) {
+  return render::NumericClass(options.finishing.device == nullptr ? ""
+                                                                  : options.finishing.device->OtherBits());
+}
+
 v1::WorkerMessage MakeHello(const WorkerOptions& options, const LeaseRunner& worker) {
   v1::WorkerMessage message;
   v1::Hello* hello = message.mutable_hello();
   hello->set_name(options.name);
-  hello->set_numeric_class(render::NumericClass());
+  hello->set_numeric_class(ClassOf(options));
   hello->set_slots(options.renders ? worker.slots() : 0);
   hello->set_memory_bytes(options.memory_bytes);
   hello->set_wire_version(rpc::kWireVersion);
@@ -426,7 +433,7 @@ class Worker {
         frame_link_(MakeRemoteFrameLink(&current_, options.log.labels)),
         impl_(options.threads, &specs_, &renderer_, options.log,
               {.link = frame_link_.get(),
-               .numeric_class = render::NumericClass(),
+               .numeric_class = ClassOf(options),
                .device = options.finishing.device}) {}
 
   absl::Status Run(const Coordinators& coordinators, const threads::Event& stop) {

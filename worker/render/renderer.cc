@@ -60,9 +60,10 @@ absl::StatusOr<PictureCamera> MakeCamera(const scene::Scene& scene, const Render
   return PictureCamera(*camera, settings.lens, frame, settings.pixel_filter);
 }
 
-std::string NumericClass() {
+std::string NumericClass(const std::string& other_bits) {
   return absl::StrCat("lumifold-", LUMIFOLD_VERSION, "/", EmbreeName(), "-", TracingInstructionSet(), "-",
-                      kRenderSources, "-", absl::Hex(ApproximationsOfProcessor(), absl::kZeroPad4));
+                      kRenderSources, other_bits.empty() ? "" : "+", other_bits, "-",
+                      absl::Hex(ApproximationsOfProcessor(), absl::kZeroPad4));
 }
 
 absl::StatusOr<std::unique_ptr<Renderer>> Renderer::Create(std::shared_ptr<const scene::Scene> scene,

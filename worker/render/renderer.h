@@ -62,9 +62,10 @@ struct RenderCounts {
 absl::StatusOr<PictureCamera> MakeCamera(const scene::Scene& scene, const RenderSettings& settings);
 
 /// The name of the class of machines and builds that give the same bits, e.g.
-/// "lumifold-0.1.0/embree4-avx2-3f2a": version, Embree's major version and instruction set, and
-/// ApproximationsOfProcessor().
-std::string NumericClass();
+/// "lumifold-0.1.0/embree4-avx2-3f0c91ab-b5e4": version, Embree's major version and instruction set, sources,
+/// and ApproximationsOfProcessor(). `other_bits`, of a device that filters frames, follow the sources
+/// after "+".
+std::string NumericClass(const std::string& other_bits = "");
 
 /// Renders units of one scene. Threads: after Create() all calls are safe concurrently. One thread renders a
 /// unit, and the result depends on the arguments alone.

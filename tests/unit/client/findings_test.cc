@@ -39,15 +39,18 @@ TEST(Findings, AboutDevices) {
               HasSubstr("the processor filters: there is no libOpenCL.so.1"));
   EXPECT_EQ(WorstOf(AboutDevices(std::vector<DeviceFacts>())), Level::kOk);
   const std::vector<DeviceFacts> devices = {
-      {"Good GPU", "OpenCL 3.0", true, kPlenty, ""},
-      {"Processor", "OpenCL 3.0", false, kPlenty, ""},
-      {"Small GPU", "OpenCL 1.2", true, kPlenty, "it has no double precision"}};
+      {"Good GPU", "OpenCL 3.0", true, kPlenty, "", ""},
+      {"Processor", "OpenCL 3.0", false, kPlenty, "", ""},
+      {"Small GPU", "OpenCL 1.2", true, kPlenty, "it has no compiler", ""},
+      {"Other GPU", "OpenCL 1.2", true, kPlenty, "", "it has no denormal numbers"}};
   const Findings findings = AboutDevices(devices);
-  ASSERT_EQ(findings.size(), 3u);
+  ASSERT_EQ(findings.size(), 4u);
   EXPECT_EQ(findings[0].text, "gpu:0 is Good GPU, 1099.5 GB, OpenCL 3.0: filters");
   EXPECT_THAT(findings[1].text, HasSubstr("gpu:1 is Processor, no GPU"));
   EXPECT_EQ(findings[2].level, Level::kNote);
-  EXPECT_THAT(findings[2].text, HasSubstr("does not filter: it has no double precision"));
+  EXPECT_THAT(findings[2].text, HasSubstr("does not filter: it has no compiler"));
+  EXPECT_THAT(findings[3].text,
+              HasSubstr("filters with --allow-other-bits alone: it has no denormal numbers"));
 }
 
 TEST(Findings, AboutPrograms) {

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "filter/manifold/manifold_device.h"
 #include "filter/opencl/device.h"
 #include "proto/rpc/monotonic.h"
@@ -45,7 +46,7 @@ class Device : public testing::Test {
 
   DeviceProcessOptions Options(absl::Duration limit = absl::Seconds(150)) {
     return {.program = LUMIFOLD_PROGRAM,
-            .choice = "gpu:0",
+            .choice = {.word = "gpu:0"},
             .time_limit = limit,
             .warn = [this](const std::string& line) {
               const std::lock_guard lock(mutex_);
@@ -132,11 +133,42 @@ TEST_F(Device, WhoseDriverHangsWhenItIsOpenedIsAnError) {
 
 TEST_F(Device, ThatIsNotThereIsAnError) {
   DeviceProcessOptions options = Options();
-  options.choice = "gpu:4000";
+  options.choice.word = "gpu:4000";
   EXPECT_THAT(std::string(DeviceProcess::Start(options).status().message()),
               EndsWith("there is no device 4000 of OpenCL"));
-  options.choice = "gpus";
+  options.choice.word = "gpus";
   EXPECT_EQ(DeviceProcess::Start(options).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST_F(Device, OfOtherBitsIsTakenWhereThatIsAllowedAndSaysSo) {
+  DeviceProcessOptions options = Options();
+  for (const auto& [lacks, reason] :
+       {std::pair("rounding", "it does not round quotients and roots correctly"),
+        std::pair("denormals", "it has no denormal numbers")}) {
+    setenv("FAULTY_OPENCL_LACKS", lacks, /*overwrite=*/1);
+    options.choice.allows_other_bits = false;
+    EXPECT_THAT(
+        std::string(DeviceProcess::Start(options).status().message()),
+        EndsWith(absl::StrCat("has other bits: ", reason, ". --allow-other-bits takes it all the same")));
+    options.choice.allows_other_bits = true;
+    const auto process = DeviceProcess::Start(options);
+    ASSERT_TRUE(process.ok()) << process.status();
+    EXPECT_THAT((*process)->other_bits(), testing::MatchesRegex("[0-9a-f]{8}"));
+    const auto pool = filter::WithDevice(MakeTaskPool(1), (*process)->Link());
+    EXPECT_EQ(filter::DeviceOf(pool.get())->OtherBits(), (*process)->other_bits());
+    EXPECT_EQ(Filter(pool.get()).size(), 3);
+  }
+  EXPECT_TRUE(warnings_.empty());
+}
+
+TEST_F(Device, WithoutDoublePrecisionGivesTheBitsOfThisProcessor) {
+  setenv("FAULTY_OPENCL_LACKS", "doubles", /*overwrite=*/1);
+  const auto process = DeviceProcess::Start(Options());
+  ASSERT_TRUE(process.ok()) << process.status();
+  EXPECT_EQ((*process)->other_bits(), "");
+  const auto pool = filter::WithDevice(MakeTaskPool(1), (*process)->Link());
+  ExpectExpected(Filter(pool.get()));
+  EXPECT_TRUE(warnings_.empty());
 }
 
 TEST_F(Device, ThatHasFailedIsOfferedToNobody) {

@@ -42,12 +42,13 @@ class OpenCl : public testing::Test {
     setenv("POCL_CACHE_DIR", LUMIFOLD_DEVICE_CACHE, /*overwrite=*/0);
     const auto devices = ListDevices();
     if (!devices.ok()) GTEST_SKIP() << devices.status();
-    const auto found = std::find_if(devices->begin(), devices->end(),
-                                    [](const DeviceInfo& device) { return device.refusal.empty(); });
+    const auto found = std::find_if(devices->begin(), devices->end(), [](const DeviceInfo& device) {
+      return device.refusal.empty() && device.other_bits.empty();
+    });
     if (found == devices->end()) GTEST_SKIP() << "of " << devices->size() << " devices, none gives the bits";
     const auto number = std::to_string(found - devices->begin());
-    auto device =
-        OpenFilterDevice("gpu:" + number, [this](const std::string& line) { warnings_.push_back(line); });
+    auto device = OpenFilterDevice({.word = "gpu:" + number},
+                                   [this](const std::string& line) { warnings_.push_back(line); });
     ASSERT_TRUE(device.ok()) << device.status();
     pool_ = WithDevice(MakeTaskPool(2), device->device);
   }
@@ -180,7 +181,7 @@ TEST(FilterDevice, IsOneOfFourWords) {
   for (const char* word : {"auto", "cpu", "gpu", "gpu:0", "gpu:12"})
     EXPECT_TRUE(CheckDeviceChoice(word).ok()) << word;
   for (const char* word : {"", "GPU", "gpu:", "gpu:-1", "gpu:x", "cpu:1", "cuda"}) {
-    const absl::Status status = OpenFilterDevice(word, nullptr).status();
+    const absl::Status status = OpenFilterDevice({.word = word}, nullptr).status();
     EXPECT_EQ(status.message(),
               "\"" + std::string(word) + "\" is no device; there are: auto, cpu, gpu, gpu:N");
   }
@@ -190,14 +191,14 @@ TEST(FilterDevice, IsNeverAProcessorUnlessItsNumberIsGiven) {
   const auto devices = ListDevices();
   const bool has_gpu =
       devices.ok() && std::any_of(devices->begin(), devices->end(), [](const DeviceInfo& device) {
-        return device.is_gpu && device.refusal.empty();
+        return device.is_gpu && device.refusal.empty() && device.other_bits.empty();
       });
-  const auto found = OpenFilterDevice("auto", [](const std::string&) {});
+  const auto found = OpenFilterDevice({.word = "auto"}, [](const std::string&) {});
   ASSERT_TRUE(found.ok()) << found.status();
   EXPECT_EQ(found->device != nullptr, has_gpu);
-  EXPECT_EQ(OpenFilterDevice("gpu", [](const std::string&) {}).ok(), has_gpu);
-  EXPECT_EQ(OpenFilterDevice("cpu", nullptr)->device, nullptr);
-  EXPECT_FALSE(OpenFilterDevice("gpu:4000", nullptr).ok());
+  EXPECT_EQ(OpenFilterDevice({.word = "gpu"}, [](const std::string&) {}).ok(), has_gpu);
+  EXPECT_EQ(OpenFilterDevice({.word = "cpu"}, nullptr)->device, nullptr);
+  EXPECT_FALSE(OpenFilterDevice({.word = "gpu:4000"}, nullptr).ok());
 }
 
 }  // namespace

@@ -514,6 +514,15 @@ TEST(PictureCode, AClassNamesTheCodeOfPictures) {
   EXPECT_TRUE(SharesPictureCode(FarmClass()));
   EXPECT_FALSE(SharesPictureCode("c-"));
   EXPECT_FALSE(SharesPictureCode(""));
+  // Of devices of other bits.
+  const std::string other = absl::StrCat("c-", PictureCode(), "+12345678-");
+  EXPECT_FALSE(SharesPictureCode(other));
+  EXPECT_FALSE(SharesPictureCode(FarmClass(), "12345678"));
+  EXPECT_TRUE(SharesPictureCode(other, "12345678"));
+  EXPECT_FALSE(SharesPictureCode(other, "87654321"));
+  EXPECT_EQ(ClassOfPicture("c-d", ""), "c-d");
+  EXPECT_EQ(ClassOfPicture("c-d", "12345678"), "c-d+12345678");
+  EXPECT_EQ(ClassOfPicture(other, "12345678"), other);
 }
 
 TEST_F(FarmTest, TheEndOfAJobLeavesNothingOfItBehind) {

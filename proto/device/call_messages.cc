@@ -21,7 +21,6 @@ constexpr int32_t kMostSide = 1 << 16;
 constexpr int64_t kMostPixels = int64_t{1} << 27;
 constexpr uint32_t kMostPlanes = 64;
 constexpr uint32_t kMostPoints = 1U << 27;
-constexpr uint32_t kMostSamples = 1 << 10;
 constexpr int32_t kMostRadius = 64;
 constexpr float kMostReach = 1 << 16;
 
@@ -32,7 +31,7 @@ constexpr uint32_t kProjection = 2;
 // Without padding: no byte of this process's memory goes with them.
 struct PointsHeader {
   uint32_t is_here, has_signals;
-  uint32_t pixels, samples, own_features;
+  uint32_t count, own_features;
   float pixel_divisor;
 };
 struct CallHeader {
@@ -61,9 +60,7 @@ bool IsPositive(float value, float most) { return value > 0 && value <= most; }
 bool HasValidPoints(const CallHeader& header) {
   const PointsHeader& points = header.points;
   if (points.is_here == 0) return true;
-  if (points.samples < 1 || points.samples > kMostSamples || points.own_features > header.features)
-    return false;
-  return uint64_t{points.pixels} * points.samples <= kMostPoints / kMostPlanes &&
+  return points.own_features <= header.features && points.count <= kMostPoints / kMostPlanes &&
          std::isfinite(points.pixel_divisor);
 }
 
@@ -144,8 +141,7 @@ CallHeader HeaderOf(const ManifoldCall& call) {
   if (call.points == nullptr) return header;
   header.points = {.is_here = 1,
                    .has_signals = call.points->signals.empty() ? 0U : 1U,
-                   .pixels = static_cast<uint32_t>(call.points->pixels.size()),
-                   .samples = static_cast<uint32_t>(call.points->samples),
+                   .count = static_cast<uint32_t>(call.points->pixels.size()),
                    .own_features = static_cast<uint32_t>(call.points->own_features),
                    .pixel_divisor = call.points->pixel_divisor};
   return header;
@@ -161,11 +157,10 @@ ProjectionHeader HeaderOf(const filter::ProjectionCall& call) {
 }
 
 bool ReceivePoints(const CallHeader& header, SocketStream* from, SlicePoints* points) {
-  const size_t count = size_t{header.points.pixels} * header.points.samples;
-  points->samples = header.points.samples;
+  const size_t count = header.points.count;
   points->own_features = header.points.own_features;
   points->pixel_divisor = header.points.pixel_divisor;
-  if (!ReceiveList(header.points.pixels, from, &points->pixels)) return false;
+  if (!ReceiveList(count, from, &points->pixels)) return false;
   for (const auto& [x, y] : points->pixels) {
     if (x < 0 || x >= header.width || y < 0 || y >= header.height) return false;
   }
@@ -268,7 +263,7 @@ std::optional<ManifoldResult> ReceiveResult(const ManifoldCall& call, SocketStre
   result.filtered = MakeUninitializedPlanes(call.signals.size(), call.mask.width(), call.mask.height());
   if (!ReceivePlanes(from, &result.filtered)) return std::nullopt;
   if (call.points == nullptr) return result;
-  const size_t count = call.points->pixels.size() * call.points->samples;
+  const size_t count = call.points->pixels.size();
   if (!ReceiveList(count * call.signals.size(), from, &result.points.values) ||
       !ReceiveList(count, from, &result.points.weights))
     return std::nullopt;

@@ -31,7 +31,7 @@ std::vector<EmitterBounds> RandomEmitters(int count) {
     e.axis = RandomUnit(random);
     e.both_sides = random() % 4 == 0;
     if (random() % 4 == 0) e.spread = 3.1415927f;
-    e.power = static_cast<double>(Between(random, 0.1f, 10));
+    e.intensity = static_cast<double>(Between(random, 0.1f, 10));
   }
   return emitters;
 }
@@ -72,20 +72,39 @@ TEST(LightTree, ProbabilitiesSumToOneForIsotropicEmitters) {
 }
 
 TEST(LightTree, PickFollowsItsProbability) {
-  const std::vector<EmitterBounds> emitters = RandomEmitters(100);
-  const LightTree tree(emitters);
-  std::mt19937 random(6);
-  const LightReceiver receiver = RandomReceiver(random);
-  constexpr int kPicks = 1 << 18;
-  std::vector<double> picked(emitters.size());
-  for (int i = 0; i < kPicks; ++i) {
-    const LightTree::Choice choice = tree.Pick(receiver, (static_cast<float>(i) + 0.5f) / kPicks);
-    if (choice.probability <= 0) continue;
-    ASSERT_EQ(choice.probability, tree.Probability(receiver, choice.emitter));
-    picked[choice.emitter] += 1.0 / kPicks;
+  for (const int count : {1, 2, 15, 16, 17, 100}) {  // leaves hold up to 16
+    const std::vector<EmitterBounds> emitters = RandomEmitters(count);
+    const LightTree tree(emitters);
+    std::mt19937 random(6);
+    const LightReceiver receiver = RandomReceiver(random);
+    constexpr int kPicks = 1 << 16;
+    std::vector<double> picked(emitters.size());
+    for (int i = 0; i < kPicks; ++i) {
+      const LightTree::Choice choice = tree.Pick(receiver, (static_cast<float>(i) + 0.5f) / kPicks);
+      if (choice.probability <= 0) continue;
+      ASSERT_EQ(choice.probability, tree.Probability(receiver, choice.emitter));
+      picked[choice.emitter] += 1.0 / kPicks;
+    }
+    for (uint32_t e = 0; e < emitters.size(); ++e)
+      EXPECT_NEAR(picked[e], static_cast<double>(tree.Probability(receiver, e)), 1e-4) << count << " " << e;
   }
-  for (uint32_t e = 0; e < emitters.size(); ++e)
-    EXPECT_NEAR(picked[e], static_cast<double>(tree.Probability(receiver, e)), 1e-4) << e;
+}
+
+TEST(LightTree, LightsFromBelowCountWhereTheReceiverTransmits) {
+  std::vector<EmitterBounds> emitters(2);
+  emitters[0].box = {{0, 2, 0}, {0, 2, 0}};
+  emitters[1].box = {{0, -2, 0}, {0, -2, 0}};
+  for (EmitterBounds& e : emitters) {
+    e.spread = 3.1415927f;
+    e.intensity = 1;
+  }
+  const LightTree tree(emitters);
+  const LightReceiver opaque = {{0, 0, 0}, {0, 1, 0}, /*transmits=*/false};
+  EXPECT_EQ(tree.Probability(opaque, 0), 1);
+  EXPECT_EQ(tree.Probability(opaque, 1), 0);
+  const LightReceiver leaf = {{0, 0, 0}, {0, 1, 0}, /*transmits=*/true};
+  EXPECT_EQ(tree.Probability(leaf, 0), 0.5f);
+  EXPECT_EQ(tree.Probability(leaf, 1), 0.5f);
 }
 
 TEST(LightTree, TreatsAllAxesAndBothDirectionsAlike) {
@@ -121,7 +140,7 @@ TEST(LightTree, PrefersNearAndFacingEmitters) {
   for (int i = 0; i < 3; ++i) {
     emitters[i].box = {places[i], places[i]};
     emitters[i].axis = {0, i == 1 ? 1.0f : -1.0f, 0};
-    emitters[i].power = 1;
+    emitters[i].intensity = 1;
   }
   const LightTree tree(emitters);
   const LightReceiver floor = {{0, 0, 0}, {0, 1, 0}};
@@ -147,14 +166,14 @@ TEST(LightTree, EveryContributingEmitterHasAProbability) {
   }
 }
 
-TEST(LightTree, AcceptsCoincidentEmittersAndEmittersWithoutPower) {
+TEST(LightTree, AcceptsCoincidentEmittersAndEmittersWithoutIntensity) {
   std::vector<EmitterBounds> emitters(200);
   for (EmitterBounds& e : emitters) {
     e.box = {{1, 1, 1}, {1, 1, 1}};
     e.spread = 3.1415927f;
-    e.power = 1;
+    e.intensity = 1;
   }
-  emitters[7].power = 0;
+  emitters[7].intensity = 0;
   const LightTree tree(emitters);
   const LightReceiver receiver = {{0, 0, 0}, {0, 1, 0}};
   EXPECT_EQ(tree.Probability(receiver, 7), 0);

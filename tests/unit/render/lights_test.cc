@@ -225,6 +225,39 @@ TEST(Lights, TheDensityOfASampleHasTheProbabilityOfItsLight) {
     EXPECT_NEAR(probability[kind], static_cast<float>(picked[kind]) / kPicks, 1e-3f) << kind;
 }
 
+/// The densities with which a triangle of `scene`'s first mesh is hit below the origin.
+std::array<float, 2> DensitiesOfTriangles(const Scene& scene) {
+  const TextureSampler textures(scene);
+  const LightSet lights(scene, textures, nullptr);
+  const LightReceiver from = {{0, 0, 0}, {0, 1, 0}};
+  return {lights.DensityOfHit(from, 0, 0, 1, 1), lights.DensityOfHit(from, 0, 1, 1, 1)};
+}
+
+TEST(Lights, TwoTrianglesOfAParallelogramAreOneLight) {
+  Scene scene;
+  scene.materials = {testing::Emitter({4, 4, 4})};
+  testing::Place(&scene, testing::QuadMesh({-3, 2, -1}, {4, 0, 0}, {0, 0, 2}, 0));
+  std::vector<uint32_t>& triangles = scene.meshes[0].triangles;
+  for (int turn = 0; turn < 3; ++turn) {
+    std::rotate(triangles.begin(), triangles.begin() + 1, triangles.begin() + 3);
+    EXPECT_THAT(DensitiesOfTriangles(scene), ::testing::Each(::testing::FloatEq(1.0f / 8))) << turn;
+    const TextureSampler textures(scene);
+    const LightSet lights(scene, textures, nullptr);
+    std::array<int, 4> quarters = {};
+    for (int i = 0; i < 256; ++i) {
+      const Vec2 u = {(static_cast<float>(i % 16) + 0.5f) / 16, (static_cast<float>(i / 16) + 0.5f) / 16};
+      const LightSample sample = lights.Sample({{0, 0, 0}, {0, 1, 0}}, 0.5f, u);
+      const Vec3 point = sample.direction * sample.distance;
+      EXPECT_NEAR(point.y, 2, 1e-5f);
+      ++quarters[(point.x > -1 ? 1 : 0) + (point.z > 0 ? 2 : 0)];
+    }
+    EXPECT_THAT(quarters, ::testing::Each(64)) << turn;
+  }
+  scene.meshes[0].positions[3].y += 1;  // no parallelogram any more
+  const std::array<float, 2> apart = DensitiesOfTriangles(scene);
+  EXPECT_GT(std::abs(apart[0] - apart[1]), 1e-3f);
+}
+
 TEST(Lights, ATriangleIsTheSameWhicheverOfItsCornersIsFirst) {
   // Enough small lamps in the distance for a light tree, and a long one whose ends are far from each other.
   for (const bool has_tree : {false, true}) {

@@ -93,7 +93,7 @@ HWY_INLINE PickedLight SampleTriangles(const Vertices& v) {
   const Num4 edge2 = LoadFours([&](size_t lane) { return triangle(lane) + 8; });
   const Num4 normal = LoadFours([&](size_t lane) { return triangle(lane) + 12; });
   const Num2 u = At(v.in->random.light_point, v.first);
-  const Num least = Num(0.5f) * Min(u.x, u.y);
+  const Num least = edge2.w * Min(u.x, u.y);
   const Num3 to_light = corner.xyz() + edge1.xyz() * (u.x - least) + edge2.xyz() * (u.y - least) - v.position;
   const Num distance2 = Dot(to_light, to_light);
   PickedLight light;

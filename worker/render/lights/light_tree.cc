@@ -15,8 +15,6 @@ namespace {
 using scene::Bounds;
 using scene::Vec3;
 
-constexpr uint64_t kNotInTree = ~uint64_t{0};
-
 /// Deeper nodes are split into halves of equal count, so that a bit trail fits 64 bits.
 constexpr int kMaxCostDepth = 32;
 
@@ -61,15 +59,15 @@ void IncludeCone(const EmitterBounds& b, EmitterBounds* a) {
   a->spread = spread;
 }
 
-/// Bounds of the union of two groups; a group of power 0 is ignored.
+/// Bounds of the union of two groups; a group of intensity 0 is ignored.
 void Include(const EmitterBounds& b, EmitterBounds* a) {
-  if (b.power <= 0) return;
-  if (a->power <= 0) {
+  if (b.intensity <= 0) return;
+  if (a->intensity <= 0) {
     *a = b;
     return;
   }
   Include(b.box, &a->box);
-  a->power += b.power;
+  a->intensity += b.intensity;
   IncludeCone(b, a);
 }
 
@@ -90,8 +88,8 @@ double OrientationMeasure(const EmitterBounds& b) {
 /// Estimated variance of sampling from the group. Uses the box's squared diagonal instead of the paper's
 /// surface area, which is 0 for lights in a row.
 double Cost(const EmitterBounds& b) {
-  if (b.power <= 0) return 0;
-  return b.power * OrientationMeasure(b) * static_cast<double>(LengthSquared(b.box.max - b.box.min));
+  if (b.intensity <= 0) return 0;
+  return b.intensity * OrientationMeasure(b) * static_cast<double>(LengthSquared(b.box.max - b.box.min));
 }
 
 /// Cosine and sine of max(0, a - b), from the sines and cosines of a and b.
@@ -109,8 +107,7 @@ float SineOf(float cosine) { return std::sqrt(std::max(0.0f, 1.0f - cosine * cos
 /// Builds the nodes in depth-first order.
 struct LightTree::Builder {
   std::span<const EmitterBounds> emitters;
-  std::vector<Node>* nodes;
-  std::vector<uint64_t>* bit_trails;
+  LightTree* tree;
 
   EmitterBounds BoundsOf(std::span<const uint32_t> range) const {
     EmitterBounds all;
@@ -119,30 +116,26 @@ struct LightTree::Builder {
   }
 
   void Build(std::span<uint32_t> range, uint64_t bit_trail, int depth) {
-    const size_t index = nodes->size();
-    nodes->push_back(MakeNode(BoundsOf(range)));
-    if (range.size() == 1) {
-      (*nodes)[index].link = kLeaf | range[0];
-      (*bit_trails)[range[0]] = bit_trail;
+    std::vector<Node>& nodes = tree->nodes_;
+    const size_t index = nodes.size();
+    nodes.push_back({ExtentOf(BoundsOf(range))});
+    if (range.size() <= kLeafSize) {
+      nodes[index].link = kLeaf | static_cast<uint32_t>(tree->leaves_.size());
+      MakeLeaf(range, bit_trail);
       return;
     }
     const size_t middle = Split(range, depth);
     Build(range.first(middle), bit_trail, depth + 1);
-    (*nodes)[index].link = static_cast<uint32_t>(nodes->size());
+    nodes[index].link = static_cast<uint32_t>(nodes.size());
     Build(range.subspan(middle), bit_trail | uint64_t{1} << depth, depth + 1);
   }
 
-  static Node MakeNode(const EmitterBounds& bounds) {
-    Node node;
-    node.center = CenterOf(bounds.box);
-    node.radius = 0.5f * Length(bounds.box.max - bounds.box.min);
-    node.axis = bounds.axis;
-    SinCos(bounds.spread, &node.sin_spread, &node.cos_spread);
-    float unused = 0;
-    SinCos(bounds.falloff, &unused, &node.cos_falloff);
-    node.power = static_cast<float>(bounds.power);
-    node.both_sides = bounds.both_sides;
-    return node;
+  void MakeLeaf(std::span<const uint32_t> range, uint64_t bit_trail) {
+    Leaf& leaf = tree->leaves_.emplace_back();
+    for (const uint32_t i : range) {
+      tree->places_[i] = {bit_trail, static_cast<int>(leaf.count)};
+      leaf.Add(ExtentOf(emitters[i]), i);
+    }
   }
 
   struct Cut {
@@ -200,45 +193,100 @@ struct LightTree::Builder {
 };
 
 LightTree::LightTree(const std::vector<EmitterBounds>& emitters) {
-  bit_trails_.assign(emitters.size(), kNotInTree);
+  places_.resize(emitters.size());
   std::vector<uint32_t> range;
   for (size_t i = 0; i < emitters.size(); ++i) {
-    if (emitters[i].power > 0) range.push_back(static_cast<uint32_t>(i));
+    if (emitters[i].intensity > 0) range.push_back(static_cast<uint32_t>(i));
   }
-  if (range.empty()) return;
-  nodes_.reserve(2 * range.size());
-  Builder{emitters, &nodes_, &bit_trails_}.Build(range, 0, 0);
+  if (!range.empty()) Builder{emitters, this}.Build(range, 0, 0);
 }
 
-float LightTree::Importance(const Node& node, const LightReceiver& receiver) {
-  const Vec3 offset = receiver.position - node.center;
+LightTree::Extent LightTree::ExtentOf(const EmitterBounds& bounds) {
+  Extent extent;
+  extent.center = CenterOf(bounds.box);
+  extent.radius = 0.5f * Length(bounds.box.max - bounds.box.min);
+  extent.axis = bounds.axis;
+  SinCos(bounds.spread, &extent.sin_spread, &extent.cos_spread);
+  float unused = 0;
+  SinCos(bounds.falloff, &unused, &extent.cos_falloff);
+  extent.intensity = static_cast<float>(bounds.intensity);
+  extent.both_sides = bounds.both_sides ? 1.0f : 0.0f;
+  return extent;
+}
+
+/// Without branches, so that compilers make vectors of it in Leaf::Weigh().
+inline float LightTree::Importance(const Extent& extent, const LightReceiver& receiver) {
+  const Vec3 offset = receiver.position - extent.center;
   const float distance2 = LengthSquared(offset);
-  const float radius2 = node.radius * node.radius;
-  const float reach2 =
-      std::max(distance2, radius2);  // near or inside the box the distance to its centre is meaningless
-  if (reach2 <= 0) return node.power;
+  const float radius2 = extent.radius * extent.radius;
+  // Near or inside the box the distance to its centre is meaningless.
+  const float reach2 = std::max(distance2, radius2);
   const float inverse = 1.0f / std::sqrt(std::max(distance2, std::numeric_limits<float>::min()));
   // The cone of directions in which the box lies.
   const bool inside = distance2 <= radius2;
-  const float sin_box = inside ? 0.0f : node.radius * inverse;
+  const float sin_box = inside ? 0.0f : extent.radius * inverse;
   const float cos_box = inside ? -1.0f : SineOf(sin_box);
 
-  float cos_axis = Dot(node.axis, offset) * inverse;
-  if (node.both_sides) cos_axis = std::abs(cos_axis);
+  const float cos_front = Dot(extent.axis, offset) * inverse;
+  const float cos_axis = extent.both_sides > 0 ? std::abs(cos_front) : cos_front;
   const float sin_axis = SineOf(cos_axis);
-  const float cos_cone = CosineOfDifference(sin_axis, cos_axis, node.sin_spread, node.cos_spread);
-  const float sin_cone = SineOfDifference(sin_axis, cos_axis, node.sin_spread, node.cos_spread);
+  const float cos_cone = CosineOfDifference(sin_axis, cos_axis, extent.sin_spread, extent.cos_spread);
+  const float sin_cone = SineOfDifference(sin_axis, cos_axis, extent.sin_spread, extent.cos_spread);
   const float cos_emitted = CosineOfDifference(sin_cone, cos_cone, sin_box, cos_box);
-  if (cos_emitted <= node.cos_falloff) return 0;
 
-  const float cos_normal = std::abs(Dot(receiver.normal, offset)) * inverse;
+  const float cos_above = -Dot(receiver.normal, offset) * inverse;
+  const float cos_normal = receiver.transmits ? std::abs(cos_above) : cos_above;
   const float cos_received = CosineOfDifference(SineOf(cos_normal), cos_normal, sin_box, cos_box);
-  return std::max(0.0f, node.power * cos_emitted * cos_received / reach2);
+  const float importance = std::max(0.0f, extent.intensity * cos_emitted * cos_received / reach2);
+  const float emitted = cos_emitted <= extent.cos_falloff ? 0.0f : importance;
+  return reach2 > 0 ? emitted : extent.intensity;
+}
+
+void LightTree::Leaf::Add(const Extent& extent, uint32_t emitter) {
+  x[count] = extent.center.x;
+  y[count] = extent.center.y;
+  z[count] = extent.center.z;
+  radius[count] = extent.radius;
+  axis_x[count] = extent.axis.x;
+  axis_y[count] = extent.axis.y;
+  axis_z[count] = extent.axis.z;
+  cos_spread[count] = extent.cos_spread;
+  sin_spread[count] = extent.sin_spread;
+  cos_falloff[count] = extent.cos_falloff;
+  intensity[count] = extent.intensity;
+  both_sides[count] = extent.both_sides;
+  emitters[count++] = emitter;
+}
+
+LightTree::Leaf::Weights LightTree::Leaf::Weigh(LightReceiver receiver) const {
+  Weights weights;
+  if (count == 1) {  // whatever it is worth
+    weights.of[0] = weights.sum = 1;
+    return weights;
+  }
+  constexpr size_t kVector = 4;
+  const size_t end = (count + kVector - 1) / kVector * kVector;
+  Row row = {};  // a local: to store in it changes none of the numbers that are read
+  for (size_t i = 0; i < end; ++i) {
+    row[i] = Importance({{x[i], y[i], z[i]},
+                         radius[i],
+                         {axis_x[i], axis_y[i], axis_z[i]},
+                         cos_spread[i],
+                         sin_spread[i],
+                         cos_falloff[i],
+                         intensity[i],
+                         both_sides[i]},
+                        receiver);
+  }
+  weights.of = row;
+  weights.sum = 0;
+  for (size_t i = 0; i < count; ++i) weights.sum += row[i];
+  return weights;
 }
 
 float LightTree::FirstShare(uint32_t index, const LightReceiver& receiver) const {
-  const float first = Importance(nodes_[index + 1], receiver);
-  const float sum = first + Importance(nodes_[nodes_[index].link], receiver);
+  const float first = Importance(nodes_[index + 1].extent, receiver);
+  const float sum = first + Importance(nodes_[nodes_[index].link].extent, receiver);
   return sum > 0 ? first / sum : -1.0f;
 }
 
@@ -256,14 +304,24 @@ LightTree::Choice LightTree::Pick(const LightReceiver& receiver, float u) const 
     probability *= go_first ? share : 1.0f - share;
     index = go_first ? index + 1 : second;
   }
-  choice.emitter = nodes_[index].link & ~kLeaf;
-  choice.probability = probability;
+  const Leaf& leaf = leaves_[nodes_[index].link & ~kLeaf];
+  const Leaf::Weights weights = leaf.Weigh(receiver);
+  if (weights.sum <= 0) return choice;
+  float left = u * weights.sum;
+  size_t picked = 0;
+  for (size_t i = 0; i < leaf.count && left >= 0; ++i) {
+    if (weights.of[i] > 0) picked = i;  // the last one, should rounding leave more than there is
+    left -= weights.of[i];
+  }
+  choice.emitter = leaf.emitters[picked];
+  choice.probability = probability * (weights.of[picked] / weights.sum);
   return choice;
 }
 
 float LightTree::Probability(const LightReceiver& receiver, uint32_t emitter) const {
-  uint64_t bit_trail = bit_trails_[emitter];
-  if (bit_trail == kNotInTree) return 0;
+  const Place& place = places_[emitter];
+  if (place.slot < 0) return 0;
+  uint64_t bit_trail = place.bit_trail;
   float probability = 1;
   uint32_t index = 0;
   while ((nodes_[index].link & kLeaf) == 0) {
@@ -275,7 +333,8 @@ float LightTree::Probability(const LightReceiver& receiver, uint32_t emitter) co
     probability *= go_first ? share : 1.0f - share;
     index = go_first ? index + 1 : second;
   }
-  return probability;
+  const Leaf::Weights weights = leaves_[nodes_[index].link & ~kLeaf].Weigh(receiver);
+  return weights.sum > 0 ? probability * (weights.of[static_cast<size_t>(place.slot)] / weights.sum) : 0.0f;
 }
 
 }  // namespace lumifold::render

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "worker/scene/scene.h"
@@ -14,18 +17,20 @@ struct EmitterBounds {
   float spread = 0;              // radians between the axis and the outermost normal; pi: all directions
   float falloff = 1.5707963f;    // radians from a normal beyond which nothing is emitted
   bool both_sides = false;       // emits along -axis as along axis
-  double power = 0;              // 0: never sampled
+  double intensity = 0;          // greatest, W/sr; 0: never sampled
 };
 
 /// The shading point that a light sample is for.
 struct LightReceiver {
   scene::Vec3 position;
-  scene::Vec3 normal;  // unit shading normal; light from behind counts too, because surfaces may transmit
+  scene::Vec3 normal;     // unit shading normal
+  bool transmits = true;  // light from behind counts too
 };
 
-/// Samples one of many emitters by its estimated contribution to a shading point. Nodes bound position,
-/// directions and power of the emitters below. Every emitter that may contribute has a probability above 0.
-/// The same emitters give the same tree on every machine. Threads: safe concurrently.
+/// Samples one of several emitters by its estimated contribution to a shading point. Nodes bound position,
+/// directions and intensity of the emitters below; a leaf compares up to kLeafSize emitters one by one. Every
+/// emitter that may contribute has a probability above 0. The same emitters give the same tree on every
+/// machine. Threads: safe concurrently.
 /// Source: Conty Estevez & Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting"
 /// (bounds, cost, importance; without the splitting).
 class LightTree {
@@ -47,30 +52,59 @@ class LightTree {
   float Probability(const LightReceiver& receiver, uint32_t emitter) const;
 
  private:
+  /// A leaf of 16 emitters costs about as much as four levels of inner nodes, and picks better.
+  static constexpr size_t kLeafSize = 16;
   static constexpr uint32_t kLeaf = 1u << 31;
 
-  struct Node {
+  /// What the importance of a node or of an emitter depends on.
+  struct Extent {
     scene::Vec3 center;  // of the box
     float radius = 0;    // half the diagonal of the box
     scene::Vec3 axis;
     float cos_spread = 1;
     float sin_spread = 0;
     float cos_falloff = 0;
-    float power = 0;
-    bool both_sides = false;
-    uint32_t link = 0;  // kLeaf | emitter, or index of the second child; the first follows its parent
+    float intensity = 0;
+    float both_sides = 0;  // 1: it emits along -axis as along axis
+  };
+  struct Node {
+    Extent extent;
+    uint32_t link =
+        0;  // kLeaf | number of the leaf, or index of the second child; the first follows its parent
+  };
+  /// The emitters of a leaf: a row for each number, so that compilers make vectors of them.
+  struct Leaf {
+    using Row = std::array<float, kLeafSize>;
+    Row x = {}, y = {}, z = {}, radius = {}, axis_x = {}, axis_y = {}, axis_z = {}, cos_spread = {},
+        sin_spread = {}, cos_falloff = {}, intensity = {}, both_sides = {};
+    std::array<uint32_t, kLeafSize> emitters = {};
+    size_t count = 0;
+
+    void Add(const Extent& extent, uint32_t emitter);
+    /// The importance of each emitter, and their sum.
+    struct Weights {
+      Row of;
+      float sum;
+    };
+    Weights Weigh(LightReceiver receiver) const;
+  };
+  /// Where an emitter is.
+  struct Place {
+    uint64_t bit_trail = 0;  // bit k is set if the path to its leaf takes the second child at depth k
+    int slot = -1;           // in the leaf; below 0: it is in none
   };
 
   struct Builder;
 
-  static float Importance(const Node& node, const LightReceiver& receiver);
+  static Extent ExtentOf(const EmitterBounds& bounds);
+  static float Importance(const Extent& extent, const LightReceiver& receiver);
   /// The probability of an inner node's first child; below 0 if neither child can light the receiver. Pick()
   /// and Probability() must use the same bits.
   float FirstShare(uint32_t index, const LightReceiver& receiver) const;
 
   std::vector<Node> nodes_;
-  /// By emitter: bit k is set if the path to its leaf takes the second child at depth k; kNotInTree: no leaf.
-  std::vector<uint64_t> bit_trails_;
+  std::vector<Leaf> leaves_;
+  std::vector<Place> places_;  // by emitter
 };
 
 }  // namespace lumifold::render

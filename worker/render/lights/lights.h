@@ -23,18 +23,18 @@ struct LightSample {
   bool is_delta = false;  // a delta light (point, spot, directional): sampled directions cannot hit it
 };
 
-/// An emissive triangle. Lanes read its first numbers by fours.
+/// An emissive triangle, or a parallelogram of two. Lanes read its first numbers by fours.
 struct LightTriangle {
   scene::Vec3 corner;
   float inverse_area = 0;  // 0: no area
   scene::Vec3 edge1;
   float both_sides = 0;  // 1: it emits from both
   scene::Vec3 edge2;
-  float unused = 0;
+  float fold = 0.5f;  // see LightPoint(); a parallelogram: 0
   scene::Vec3 normal;
-  float unused2 = 0;
+  float unused = 0;
   scene::Vec3 radiance;  // without texture
-  float unused3 = 0;
+  float unused2 = 0;
   const scene::Material* textured = nullptr;  // its material, if that has an emission texture
   const scene::Mesh* alpha_mesh = nullptr;    // its mesh, if the material is not opaque
   uint32_t number = 0;                        // of the triangle in its mesh
@@ -44,10 +44,10 @@ struct LightTriangle {
   bool IsPlain() const { return textured == nullptr && alpha_mesh == nullptr; }
 };
 
-/// All lights of a scene: emissive triangles, punctual lights and the environment. One of them is sampled in
-/// proportion to power, or by a light tree if there are many. If there are both finite and infinite lights,
-/// each kind gets at least a quarter of the samples, because the power of infinite lights says little about
-/// how much of it gets indoors. Threads: safe concurrently. Keeps pointers to its constructor's arguments.
+/// All lights of a scene: emissive triangles, punctual lights and the environment. A light tree picks one of
+/// the finite lights, power one of the infinite. If there are both, each kind gets at least a quarter of the
+/// samples, because the power of infinite lights says little about how much of it gets indoors. Threads: safe
+/// concurrently. Keeps pointers to its constructor's arguments.
 class LightSet {
  public:
   /// `environment` may be null.
@@ -80,14 +80,13 @@ class LightSet {
  private:
   struct Powers;
 
-  void AddInstance(const scene::Scene& scene, int index, const TextureSampler& textures,
-                   std::vector<double>* powers);
-  void AddTriangle(const scene::Mesh& mesh, size_t first_index, const scene::Affine& world_from_object,
-                   double luminance, std::vector<double>* powers);
+  void AddInstance(const scene::Scene& scene, int index, const TextureSampler& textures, Powers* powers);
   void AddPunctual(const scene::Scene& scene, double scene_radius, Powers* powers);
   void AddEnvironment(std::shared_ptr<const Environment> environment, double scene_radius, Powers* powers);
-  EmitterBounds BoundsOf(uint32_t emitter, double power) const;
-  LightTree::Choice PickFinite(const LightReceiver& from, float u_light) const;
+  EmitterBounds BoundsOf(uint32_t emitter, double intensity) const;
+  LightTree::Choice PickFinite(const LightReceiver& from, float u_light) const {
+    return tree_.Pick(from, finite_share_ < 1 ? u_light / finite_share_ : u_light);
+  }
   // Of a light that was picked with this probability. Each sample is built where the caller keeps it: a copy
   // of what was just written in parts waits for these stores.
   LightSample SampleTriangle(const LightTriangle& light, float probability, scene::Vec3 from,
@@ -98,12 +97,12 @@ class LightSet {
   const scene::Scene* scene_;
   const TextureSampler* textures_;
   std::vector<LightTriangle> triangles_;
-  std::vector<int64_t> first_of_instance_;  // index of the instance's first triangle, or -1
+  std::vector<uint32_t> emitter_of_;        // of the emissive triangles of all instances
+  std::vector<int64_t> first_of_instance_;  // index there of the instance's first triangle, or -1
   std::vector<PunctualEmitter> points_;     // points and spots; finite emitters, numbered after the triangles
   std::vector<PunctualEmitter> directional_;
   std::shared_ptr<const Environment> environment_;
-  AliasTable finite_;  // by power; empty if there is a tree
-  LightTree tree_;
+  LightTree tree_;               // of the finite emitters
   AliasTable infinite_;          // directional lights, then the environment
   float finite_share_ = 0;       // fraction of samples for finite lights
   float environment_share_ = 0;  // fraction of samples for the environment

@@ -43,8 +43,12 @@ Vec3 PunctualEmitter::Irradiance(Vec3 to_light, float distance) const {
   return intensity_ * (factor * cone * cone);
 }
 
+double PunctualEmitter::Intensity() const {
+  return static_cast<double>(Luminance(intensity_.x, intensity_.y, intensity_.z));
+}
+
 double PunctualEmitter::Power(double scene_radius) const {
-  const double luminance = static_cast<double>(Luminance(intensity_.x, intensity_.y, intensity_.z));
+  const double luminance = Intensity();
   const double pi = static_cast<double>(kPi);
   if (IsDirectional()) return luminance * pi * scene_radius * scene_radius;
   if (kind_ == PunctualLight::Kind::kPoint) return luminance * 4 * pi;

@@ -30,6 +30,8 @@ class PunctualEmitter {
 
   /// Emitted power as luminance; for a directional light, the power through a disk of `scene_radius`.
   double Power(double scene_radius) const;
+  /// Intensity along the axis, as luminance; of a directional light the irradiance.
+  double Intensity() const;
 
  private:
   scene::PunctualLight::Kind kind_;

@@ -166,7 +166,7 @@ struct Path : PathRecord {
 
  private:
   void MarkLeft(const Surface& surface) {
-    from = {surface.position, surface.normal};
+    from = surface.Receiver();
     ++scatterings;
   }
 };

@@ -140,8 +140,7 @@ float PathTracer::LightSampleWeight(const LightSample& sample, float bsdf_pdf) c
 void PathTracer::SampleLight(const Surface& surface, const Bsdf& bsdf, const VertexNumbers& random,
                              const Path& path, Connection* out) const {
   if (lights_.IsEmpty() || !bsdf.HasNonDeltaLobe()) return;
-  const LightSample sample =
-      lights_.Sample({surface.position, surface.normal}, random.light_and_lobe.x, random.light_point);
+  const LightSample sample = lights_.Sample(surface.Receiver(), random.light_and_lobe.x, random.light_point);
   if (sample.pdf <= 0) return;
   float bsdf_pdf = 0;
   out->value = bsdf.Evaluate(sample.direction, &bsdf_pdf);
@@ -183,8 +182,8 @@ CaughtShadow PathTracer::ShadowOn(const Surface& catcher, const Sampler& sampler
   CaughtShadow caught = {.is_hit = true};
   if (lights_.IsEmpty()) return caught;
   const VertexNumbers random = PathSampler(sampler).Draw(0);
-  const LightSample sample =
-      lights_.Sample({catcher.position, catcher.normal}, random.light_and_lobe.x, random.light_point);
+  const LightSample sample = lights_.Sample({catcher.position, catcher.normal, /*transmits=*/false},
+                                            random.light_and_lobe.x, random.light_point);
   const float cosine = Dot(sample.direction, catcher.normal);
   if (sample.pdf <= 0 || cosine <= 0) return caught;
   Ray ray;
@@ -350,7 +349,7 @@ void PathTracer::SetChoiceLane(const Path& path, size_t lane, ChoiceLanes* out) 
 
 void PathTracer::SetLightLane(const Surface& surface, const Path& path, size_t lane, VertexLanes* out) const {
   static constexpr LightTriangle kNone;
-  const LightReceiver receiver = {surface.position, surface.normal};
+  const LightReceiver receiver = surface.Receiver();
   out->vertices[lane].triangle = &kNone;
   out->light.is_sampled[lane] = 1;
   out->light.pdf[lane] = 0;

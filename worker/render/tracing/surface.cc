@@ -117,6 +117,7 @@ void SurfaceReader::Read(const Hit& hit, const Ray& ray, Surface* surface) const
   surface->material = instance.material;
   surface->values = instance.values;
   surface->is_emissive = instance.is_emissive;
+  surface->is_base = instance.kind != Kind::kRare;
   surface->position = ray.origin + ray.direction * hit.distance;
   const Vec3 face = Normalize(hit.face_normal);
   surface->front = Dot(face, ray.direction) < 0;

@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "worker/render/lights/light_tree.h"
 #include "worker/render/materials/bsdf.h"
 #include "worker/render/textures/texture.h"
 #include "worker/render/tracing/embree_scene.h"
@@ -20,6 +21,7 @@ struct Surface : SurfaceRecord {
   Vec3 vertex_color = {1, 1, 1};
   bool front = true;        // the ray hit the front (counter-clockwise) side
   bool is_emissive = true;  // the material emits from at least one side
+  bool is_base = false;     // it has no lobes but those of SurfaceReader::Kind::kBase
   const scene::Material* material = nullptr;
   const SurfaceMaterial* values = nullptr;  // the material's, if they are the same everywhere; else null
 
@@ -27,6 +29,9 @@ struct Surface : SurfaceRecord {
   Vec3 Offset(Vec3 direction) const {
     return position + geometric * (Dot(direction, geometric) < 0 ? -epsilon : epsilon);
   }
+
+  /// What lights are picked for: the base reflects nothing that comes from below its shading normal.
+  LightReceiver Receiver() const { return {position, normal, !is_base}; }
 
   /// Sets `ray` to the ray that leaves in the sampled direction. Its cone covers about the solid angle that
   /// the sample represents.

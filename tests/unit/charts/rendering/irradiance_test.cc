@@ -20,7 +20,7 @@ constexpr HemisphereStrata kFine = {64, 201};
 /// One arrival from the middle of each stratum around `normal`, as `see` gives it for a direction.
 template <typename See>
 std::vector<IndirectRadiance> Arrivals(const HemisphereStrata& strata, Vec3 normal, See see) {
-  const Frame frame(normal);
+  const Frame frame = Frame::Of(normal);
   std::vector<IndirectRadiance> arrivals;
   arrivals.reserve(static_cast<size_t>(strata.count()));
   for (int i = 0; i < strata.count(); ++i)

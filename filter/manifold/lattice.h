@@ -34,7 +34,7 @@ struct Lattice {
   int StripCells() const { return kStripColumns / step; }
   /// Floats of a strip of sums. Strips a power of two apart would share a few sets of the cache, and drive
   /// each other out.
-  size_t SumFloats() const { return static_cast<size_t>(StripCells() + kRowPadding); }
+  size_t SumFloats() const { return static_cast<size_t>(StripCells()) + kRowPadding; }
   /// Cells of the strip that begins with cell `column`.
   int CellsFrom(int column) const { return std::min(StripCells(), Columns() - column); }
 };

@@ -183,6 +183,7 @@ Plane Filter::SplatMask(const Plane& total) const {
 
 std::vector<Planes> Filter::Splat(const Level& level) const {
   std::vector<Planes> splats;
+  splats.reserve(level.manifolds.size());
   for (size_t i = 0; i < level.manifolds.size(); ++i)
     splats.push_back(MakeUninitializedPlanes(signals_.size() + 1, lattice_.Columns(), lattice_.Rows()));
   ForEachBand(pool_, lattice_.height, [&](int, int y0, int y1) {

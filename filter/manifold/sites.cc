@@ -9,15 +9,16 @@ Sites::Sites(const Lattice& lattice, const SlicePoints* points)
     : lattice_(lattice),
       strips_(static_cast<size_t>((lattice.Columns() + lattice.StripCells() - 1) / lattice.StripCells())) {
   std::vector<std::vector<size_t>> by_strip(static_cast<size_t>(lattice.height) * strips_);
-  const size_t count = points != nullptr ? points->pixels.size() : 0;
-  for (size_t i = 0; i < count; ++i) {
-    const auto [x, y] = points->pixels[i];
+  absl::Span<const std::array<int, 2>> pixels;
+  if (points != nullptr) pixels = points->pixels;
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const auto [x, y] = pixels[i];
     by_strip[StripOf(y, x / lattice.step)].push_back(i);
   }
-  places_.resize(count);
+  places_.resize(pixels.size());
   for (const std::vector<size_t>& of_strip : by_strip) {
     first_runs_.push_back(runs_.size());
-    if (!of_strip.empty()) Append(of_strip, points->pixels);
+    if (!of_strip.empty()) Append(of_strip, pixels);
   }
   first_runs_.push_back(runs_.size());
 }

@@ -45,7 +45,7 @@ def clang_arguments(command):
             skip = True
         elif argument.endswith(".cc"):  # the input
             pass
-        elif argument.startswith(("-mmemset-strategy=", "-munroll-only-small-loops")):  # flags of gcc alone
+        elif argument.startswith(("-mmemset-strategy=", "-mmemcpy-strategy=", "-munroll-only-small-loops")):  # flags of gcc alone
             pass
         elif argument not in ("-c", "-Winvalid-pch", "-fpch-preprocess"):
             kept.append(argument)

@@ -128,7 +128,8 @@ TEST(AdaptiveFilm, ALampSeenThroughAKeyholeStarvesNoBlock) {
   const AdaptiveFilm film = Render(KeyholeRoom(0.15f, Lambert({0.5f, 0.5f, 0.5f})), kBudget);
   const std::vector<double> samples = SamplesByBlock(film);
   EXPECT_GE(LeastOf(samples), kFloor);
-  EXPECT_GE(MeanIn(samples, {24, 16, 40, 32}), kBudget) << "the blocks around the hole";
+  // A lamp that is sampled evenly has little noise where it is seen; the room that it lights has more.
+  EXPECT_GE(MeanIn(samples, {24, 16, 40, 32}), 0.75 * kBudget) << "the blocks around the hole";
 }
 
 /// A sky of one radiance, or of stripes of two.

@@ -110,7 +110,7 @@ TEST_F(ChildProcessFinisherTest, AChildIsToldWhatItIsToDo) {
                            .round = 2,
                            .rendered = absl::Milliseconds(1500),
                            .samples = 64};
-  const std::string common = "arguments finish-frame " + folder_.root() + " 3 1048576 j-1 4 ";
+  const std::string common = "arguments finish-frame " + folder_.root() + " 3 1048576  j-1 4 ";
   EXPECT_EQ(finisher->Estimate(round, 3).status().message(), common + "2 1500 64 7 -1   urgent, store s");
   round.filtered = absl::Milliseconds(2250);
   EXPECT_EQ(finisher->Estimate(round, 3).status().message(), common + "2 1500 64 7 -1  2.25 urgent, store s");

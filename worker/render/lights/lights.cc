@@ -122,6 +122,7 @@ LightSet::LightSet(const scene::Scene& scene, const TextureSampler& textures,
   AddEnvironment(std::move(environment), radius, &powers);
 
   std::vector<EmitterBounds> bounds;
+  bounds.reserve(powers.intensities.size());
   for (size_t i = 0; i < powers.intensities.size(); ++i)
     bounds.push_back(BoundsOf(static_cast<uint32_t>(i), powers.intensities[i]));
   tree_ = LightTree(bounds);

@@ -19,7 +19,7 @@ struct Bits {
   hn::Vec<BitsTag> v;
 
   Bits() = default;
-  HWY_INLINE Bits(hn::Vec<BitsTag> vector) : v(vector) {}
+  HWY_INLINE Bits(hn::Vec<BitsTag> vector) : v(vector) {}  // NOLINT(google-explicit-constructor): of results
   HWY_INLINE explicit Bits(uint32_t bits) : v(hn::Set(BitsTag(), bits)) {}
 };
 

@@ -228,14 +228,14 @@ inline float LightTree::Importance(const Extent& extent, const LightReceiver& re
   const float cos_box = inside ? -1.0f : SineOf(sin_box);
 
   const float cos_front = Dot(extent.axis, offset) * inverse;
-  const float cos_axis = extent.both_sides > 0 ? std::abs(cos_front) : cos_front;
+  const float cos_axis = std::max(cos_front, (1.0f - 2.0f * extent.both_sides) * cos_front);
   const float sin_axis = SineOf(cos_axis);
   const float cos_cone = CosineOfDifference(sin_axis, cos_axis, extent.sin_spread, extent.cos_spread);
   const float sin_cone = SineOfDifference(sin_axis, cos_axis, extent.sin_spread, extent.cos_spread);
   const float cos_emitted = CosineOfDifference(sin_cone, cos_cone, sin_box, cos_box);
 
   const float cos_above = -Dot(receiver.normal, offset) * inverse;
-  const float cos_normal = receiver.transmits ? std::abs(cos_above) : cos_above;
+  const float cos_normal = std::max(cos_above, (receiver.transmits ? -1.0f : 1.0f) * cos_above);
   const float cos_received = CosineOfDifference(SineOf(cos_normal), cos_normal, sin_box, cos_box);
   const float importance = std::max(0.0f, extent.intensity * cos_emitted * cos_received / reach2);
   const float emitted = cos_emitted <= extent.cos_falloff ? 0.0f : importance;

@@ -310,7 +310,11 @@ std::vector<Case> MaterialCases() {
        "96x72, 16 spp",
        "",
        {{"light", 0.1}, {"error", 0.3}},
-       HalfMetal},
+       HalfMetal,
+       KnownFailure{
+           {0.6, 0.3},
+           "chance: with films of twelve seeds the filter loses -0.2 to 0.6 % of the light there, so the "
+           "one film of this case tells little"}},
       {28,
        "interior corner",
        "white walls in indirect light: error within 3 px of their corners; half of what `irradiance-cache` "

@@ -57,24 +57,6 @@ std::optional<std::string> NextMessage(int control, absl::Duration patience) {
   return text;
 }
 
-/// Sends a descriptor, of which the process gets one of its own.
-bool SendDescriptor(int control, int descriptor) {
-  char byte = 0;
-  iovec bytes = {&byte, 1};
-  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> space = {};
-  msghdr message = {};
-  message.msg_iov = &bytes;
-  message.msg_iovlen = 1;
-  message.msg_control = space.data();
-  message.msg_controllen = space.size();
-  cmsghdr* const part = CMSG_FIRSTHDR(&message);
-  part->cmsg_level = SOL_SOCKET;
-  part->cmsg_type = SCM_RIGHTS;
-  part->cmsg_len = CMSG_LEN(sizeof(int));
-  std::memcpy(CMSG_DATA(part), &descriptor, sizeof(int));
-  return sendmsg(control, &message, MSG_NOSIGNAL) == 1;
-}
-
 class DeviceLink final : public filter::ManifoldDevice {
  public:
   DeviceLink(rpc::FileHandle connection, std::string other_bits, absl::Duration time_limit,
@@ -155,7 +137,7 @@ absl::StatusOr<std::unique_ptr<DeviceProcess>> DeviceProcess::Start(DeviceProces
   control->there = {};
   std::unique_ptr<DeviceProcess> process(
       new DeviceProcess(std::move(options), std::move(control->here), *std::move(child)));
-  const absl::Status opened = process->AwaitOpen();
+  absl::Status opened = process->AwaitOpen();
   if (!opened.ok() && !is_auto) return opened;
   if (!opened.ok()) process->options_.warn(std::string(opened.message()));
   if (process->name_.empty()) return nullptr;

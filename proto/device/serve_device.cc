@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
@@ -126,26 +125,6 @@ class Service {
   std::set<int> connections_ ABSL_GUARDED_BY(mutex_);
 };
 
-/// The next connection that the starter hands over; not valid once that is gone.
-rpc::FileHandle NextConnection() {
-  char byte = 0;
-  iovec bytes = {&byte, 1};
-  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> space = {};
-  msghdr message = {};
-  message.msg_iov = &bytes;
-  message.msg_iovlen = 1;
-  message.msg_control = space.data();
-  message.msg_controllen = space.size();
-  ssize_t count = 0;
-  do count = recvmsg(kControl, &message, MSG_CMSG_CLOEXEC);
-  while (count < 0 && errno == EINTR);
-  const cmsghdr* const part = CMSG_FIRSTHDR(&message);
-  if (count != 1 || part == nullptr || part->cmsg_type != SCM_RIGHTS) return {};
-  int descriptor = -1;
-  std::memcpy(&descriptor, CMSG_DATA(part), sizeof(int));
-  return rpc::FileHandle(descriptor);
-}
-
 absl::StatusOr<filter::OpenedDevice> Open(const filter::DeviceChoice& choice, const std::string& user,
                                           Service* service) {
   if (absl::Status status = BecomeUser(user); !status.ok()) return status;
@@ -171,7 +150,7 @@ int RunDeviceProcess(const std::vector<std::string>& arguments) {
   service.SetDevice(device->device);
   Say(kReady, absl::StrCat(device->name, "\n", device->device->OtherBits()));
   while (true) {
-    rpc::FileHandle connection = NextConnection();
+    rpc::FileHandle connection = ReceiveDescriptor(kControl);
     if (connection.get() < 0) _exit(0);  // the driver's threads and ours may be at work
     std::thread([&service, own = std::move(connection)]() mutable {
       service.Serve(std::move(own));

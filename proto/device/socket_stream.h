@@ -1,8 +1,12 @@
 #pragma once
 
+#include <sys/types.h>
+
 #include <cstddef>
 
+#include "absl/functional/function_ref.h"
 #include "absl/time/time.h"
+#include "proto/rpc/byte_stream.h"
 
 namespace lumifold::device {
 
@@ -18,8 +22,16 @@ class SocketStream {
   bool Read(void* to, size_t bytes);
 
  private:
+  /// Calls move(done, left), which moves some bytes, until all have moved.
+  bool MoveAll(size_t bytes, absl::FunctionRef<ssize_t(size_t done, size_t left)> move);
+
   const int socket_;
   bool works_ = true;
 };
+
+/// Sends a descriptor over a socket, at whose other end a process gets one of its own. Whether that was possible.
+bool SendDescriptor(int socket, int descriptor);
+/// The next descriptor from there; not valid once the other end is closed.
+rpc::FileHandle ReceiveDescriptor(int socket);
 
 }  // namespace lumifold::device

@@ -18,6 +18,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "filter/opencl/filter_device.h"
+#include "proto/device/device_option.h"
 #include "proto/device/device_process.h"
 #include "proto/device/serve_device.h"
 #include "proto/identity/certificate.h"
@@ -171,15 +172,6 @@ void AddAddresses(CLI::App* app, Flags* flags) {
       ->capture_default_str();
 }
 
-/// A word of filter::OpenFilterDevice.
-CLI::Validator KnownDevice() {
-  return CLI::Validator(
-      [](const std::string& choice) {
-        return std::string(lumifold::filter::CheckDeviceChoice(choice).message());
-      },
-      "");
-}
-
 void AddFilterFlags(CLI::App* app, FilterFlags* flags) {
   app->add_option("--filter-threads", flags->threads,
                   "Threads of the filter, of all its processes together (default: one for each core)")
@@ -201,7 +193,7 @@ void AddFilterFlags(CLI::App* app, FilterFlags* flags) {
          "--device", flags->device.word,
          "What filters beside the processor, with the same bits: auto (a GPU, if there is one), cpu, "
          "gpu, or gpu:N, number N of 'lumifold doctor'")
-      ->check(KnownDevice())
+      ->check(lumifold::device::KnownDevice())
       ->type_name("DEVICE")
       ->capture_default_str();
   app->add_flag(

@@ -164,7 +164,8 @@ DeviceProcess::~DeviceProcess() {
   }
   child_->Kill();
   // A driver that the kernel waits for keeps its process, whose end nobody has to wait for.
-  if (!child_->Wait(rpc::MonotonicNow() + kEnd).ok()) (void)child_.release();
+  if (child_->Wait(rpc::MonotonicNow() + kEnd).ok()) return;
+  [[maybe_unused]] const subprocess::Child* left = child_.release();
 }
 
 rpc::FileHandle DeviceProcess::Connect() {

@@ -29,7 +29,7 @@ class SocketStream {
   bool works_ = true;
 };
 
-/// Sends a descriptor over a socket, at whose other end a process gets one of its own. Whether that was possible.
+/// Sends a descriptor over a socket, at whose other end a process gets one of its own. False if that failed.
 bool SendDescriptor(int socket, int descriptor);
 /// The next descriptor from there; not valid once the other end is closed.
 rpc::FileHandle ReceiveDescriptor(int socket);

@@ -52,8 +52,12 @@ bool CountBytes(void*, ssize_t bytes, bool) {
 }
 
 TracedRay Traced(const RTCRay& ray, bool occlusion) {
-  return {
-      {ray.org_x, ray.org_y, ray.org_z}, ray.tnear, {ray.dir_x, ray.dir_y, ray.dir_z}, ray.tfar, occlusion};
+  return {{ray.org_x, ray.org_y, ray.org_z},
+          ray.tnear,
+          {ray.dir_x, ray.dir_y, ray.dir_z},
+          ray.time,
+          ray.tfar,
+          occlusion};
 }
 
 RTCRay RayOf(const TracedRay& traced) {
@@ -65,6 +69,7 @@ RTCRay RayOf(const TracedRay& traced) {
   ray.dir_x = traced.direction[0];
   ray.dir_y = traced.direction[1];
   ray.dir_z = traced.direction[2];
+  ray.time = traced.time;
   ray.tfar = traced.far_distance;
   ray.mask = ~0u;
   return ray;
@@ -90,6 +95,7 @@ void KeepPacket(const int* valid, RTCScene scene, const RTCRay8& packet, bool oc
     ray.dir_x = packet.dir_x[i];
     ray.dir_y = packet.dir_y[i];
     ray.dir_z = packet.dir_z[i];
+    ray.time = packet.time[i];
     ray.tfar = packet.tfar[i];
     Keep(scene, ray, occlusion);
   }

@@ -5,8 +5,7 @@
 
 #include "worker/render/tracing/embree_api.h"
 
-/// Listens to what the renderer asks of Embree, for programs linked with --wrap for the functions named in
-/// embree_tap.cc. The renderer knows nothing of it; a thread that is not listened to pays one branch a ray.
+/// Listens to what the renderer asks of Embree, in programs that link lumifold_embree_tap. The renderer knows nothing of it; a thread that is not listened to pays one branch a ray.
 namespace lumifold::bench {
 
 /// A ray as it was handed to rtcIntersect1, or to rtcOccluded1 where `occlusion`, or in a packet to
@@ -15,6 +14,7 @@ struct TracedRay {
   float origin[3];
   float near_distance;
   float direction[3];
+  float time;
   float far_distance;
   bool occlusion;
 };

@@ -58,7 +58,9 @@ std::vector<Ray> Bundle(int count) {
     const auto part = [bits](int shift) {
       return static_cast<float>(bits >> shift & 0xffffu) * 0x1p-15f - 1;
     };
-    Ray ray = {{{0.1f, 0.2f, 0.8f}, Normalize(scene::Vec3{part(0), part(16), part(32) - 1.5f}), 1.2f}};
+    Ray ray = {{.origin = {0.1f, 0.2f, 0.8f},
+                .direction = Normalize(scene::Vec3{part(0), part(16), part(32) - 1.5f}),
+                .max_distance = 1.2f}};
     ray.random_key = static_cast<uint64_t>(i);
     rays.push_back(ray);
   }
@@ -108,7 +110,8 @@ TEST(EmbreeScene, AnyNumberOfThreadsBuildsTheSameTree) {
     const auto embree = EmbreeScene::Create(scene, OpacityClassOf, builders.get());
     ASSERT_TRUE(embree.ok()) << embree.status();
     for (size_t i = 0; i < sphere.positions.size(); i += 3) {
-      Ray ray = {{{0.1f, 0.2f, 0.1f}, Normalize(sphere.positions[i] - scene::Vec3{0.1f, 0.2f, 0.1f}), 9}};
+      const scene::Vec3 inside = {0.1f, 0.2f, 0.1f};
+      Ray ray = {{.origin = inside, .direction = Normalize(sphere.positions[i] - inside), .max_distance = 9}};
       ray.random_key = i;
       const Hit hit = (*embree)->Intersect(ray);
       const Hit same = (*expected)->Intersect(ray);

@@ -117,9 +117,13 @@ TEST(Alpha, CoincidentSheetsEachAttenuate) {
   const SurfaceReader surfaces(scene, textures);
   const AlbedoTable albedos;
   const Visibility visibility(scene, *embree, surfaces, albedos);
-  EXPECT_EQ(visibility.Transmittance({{{0.3f, 0, 0.1f}, {0, 1, 0}, 4}}).x, 0.125f);
-  EXPECT_EQ(visibility.Transmittance({{{0.3f, 0, 0.1f}, {0, 1, 0}}}).x, 0x1p-20f);
-  EXPECT_EQ(visibility.Transmittance({{{0.3f, 0, 0.1f}, {0, 1, 0}, 0.5f}}).x, 1);
+  EXPECT_EQ(
+      visibility.Transmittance({{.origin = {0.3f, 0, 0.1f}, .direction = {0, 1, 0}, .max_distance = 4}}).x,
+      0.125f);
+  EXPECT_EQ(visibility.Transmittance({{.origin = {0.3f, 0, 0.1f}, .direction = {0, 1, 0}}}).x, 0x1p-20f);
+  EXPECT_EQ(
+      visibility.Transmittance({{.origin = {0.3f, 0, 0.1f}, .direction = {0, 1, 0}, .max_distance = 0.5f}}).x,
+      1);
 }
 
 /// A floor lit by a square light above it, with `sheet` as an additional material.

@@ -30,6 +30,7 @@ struct Vertices {
   Num3 position, geometric;
   Num epsilon;
   Num cone_width, cone_spread;
+  Num time;
   Num3 throughput;
   Mask is_seen;
   BaseLobes lobes;
@@ -66,8 +67,9 @@ struct Vertices {
     lobes.dielectric_f0 = layer.z;
     lobes.dielectric_f90 = layer.w;
     lobes.mean_albedo = rest.x;
-    const Num3 direction = LoadFours([&](size_t lane) { return &(*this)[lane].ray->direction.x; }).xyz();
-    lobes.Begin(normal, {-direction.x, -direction.y, -direction.z}, base.xyz(), base.w, rest.y, albedos);
+    const Num4 ray = LoadFours([&](size_t lane) { return &(*this)[lane].ray->direction.x; });
+    time = ray.w;
+    lobes.Begin(normal, {-ray.x, -ray.y, -ray.z}, base.xyz(), base.w, rest.y, albedos);
   }
 
   /// Surface::Offset.
@@ -75,6 +77,22 @@ struct Vertices {
     return position + geometric * Select(Dot(direction, geometric) < Num(0.0f), -epsilon, epsilon);
   }
 };
+
+/// Of a ray: its greatest distance, and its cone.
+struct Reach {
+  Num max_distance, width, spread;
+};
+
+/// Writes rays that leave the surfaces.
+template <typename RayOf>
+HWY_INLINE void PutRay(const Vertices& v, Num3 origin, Num3 direction, Reach reach, const RayOf& ray) {
+  const Num zero = 0.0f;
+  StoreFours({origin.x, origin.y, origin.z, zero}, [&](size_t lane) { return &ray(lane)->origin.x; });
+  StoreFours({direction.x, direction.y, direction.z, v.time},
+             [&](size_t lane) { return &ray(lane)->direction.x; });
+  StoreFours({reach.max_distance, reach.width, reach.spread, zero},
+             [&](size_t lane) { return &ray(lane)->max_distance; });
+}
 
 /// Direction towards the light, its distance and radiance, and the density of the sample; 0: there is none.
 struct PickedLight {
@@ -148,9 +166,7 @@ HWY_INLINE void Connect(const Vertices& v, const float* albedos) {
   const Mask is_finite = light.distance < Num(hwy::HighestValue<float>());
   const Num3 direction = Select(is_finite, segment * (Num(1.0f) / length), light.direction);
   const Num distance = Select(is_finite, length * Num(1.0f - 0x1p-12f), light.distance);
-  const auto ray = [&](size_t lane) { return &v[lane].shadow_ray->origin.x; };
-  StoreFours({origin.x, origin.y, origin.z, direction.x}, ray);
-  StoreFours({direction.x, direction.y, direction.z, distance}, [&](size_t lane) { return ray(lane) + 3; });
+  PutRay(v, origin, direction, {distance, 0.0f, 0.0f}, [&](size_t lane) { return v[lane].shadow_ray; });
 }
 
 /// Writes what the layers keep of surfaces that are seen, and of the step from there.
@@ -168,15 +184,12 @@ HWY_INLINE void PutSeen(const Vertices& v, const LobeValue& weight, Num3 total, 
 }
 
 /// Surface::SpawnRay.
-HWY_INLINE void PutRay(const Vertices& v, Num3 direction, Num pdf) {
-  const Num far = std::numeric_limits<float>::infinity();
-  const Num3 origin = v.Offset(direction);
-  const auto ray = [&](size_t lane) { return &v[lane].ray->origin.x; };
-  StoreFours({origin.x, origin.y, origin.z, direction.x}, ray);
-  StoreFours({direction.x, direction.y, direction.z, far}, [&](size_t lane) { return ray(lane) + 3; });
+HWY_INLINE void SpawnRay(const Vertices& v, Num3 direction, Num pdf) {
   const Num spread =
       Where(v.cone_width > Num(0.0f), Max(v.cone_spread, Num(kConeShareOfDensity) / Sqrt(pdf)));
-  StoreFours({far, v.cone_width, spread, 0.0f}, [&](size_t lane) { return ray(lane) + 6; });
+  const Num far = std::numeric_limits<float>::infinity();
+  PutRay(v, v.Offset(direction), direction, {far, v.cone_width, spread},
+         [&](size_t lane) { return v[lane].ray; });
 }
 
 /// See PathTracer::TakeStep.
@@ -193,7 +206,7 @@ HWY_INLINE void TakeStep(const Vertices& v, const float* albedos, ShadedLanes* o
   const Num u_lobe = Select(is_certain, u, Min(u / survival, Num(0x1.fffffep-1f)));
   const LobeSample step = v.lobes.Sample(u_lobe, At(v.in->random.direction, v.first), albedos);
   Put(Where(And(survives, step.value.pdf > Num(0.0f)), one), v.first, &out->goes_on);
-  PutRay(v, step.direction, step.value.pdf);
+  SpawnRay(v, step.direction, step.value.pdf);
   const LobeValue& weight = step.value;
   Num3 throughput = v.throughput * (one / survival) * TotalOf(v.lobes, weight.diffuse, weight.non_diffuse);
   Num3 next_before = before;

@@ -47,10 +47,12 @@ struct RandomLanes {
 
 // Records that lanes read and write four numbers at a time: where the fourth has no name, it has no meaning.
 
-/// A ray with its cone; see Ray.
+/// A ray with its cone; see Ray. It begins as Embree's rays do.
 struct RayRecord {
   Vec3 origin;
+  float min_distance = 0;
   Vec3 direction;  // unit
+  float time = 0;  // of the camera ray whose path this is: from 0 to 1 while the shutter is open
   float max_distance = std::numeric_limits<float>::infinity();
   float width = 0;   // metres: width of the ray's cone at its origin, for textures
   float spread = 0;  // growth of the cone's width per metre; both 0: a line

@@ -29,17 +29,14 @@ using Device = std::unique_ptr<RTCDeviceTy, Release>;
 using SceneHandle = std::unique_ptr<RTCSceneTy, Release>;
 using Geometry = std::unique_ptr<RTCGeometryTy, Release>;
 
-/// Embree reads origin and tnear, and direction and time, as vectors of four. To read what was written in
-/// parts would wait for these stores.
+/// A ray's record begins as Embree's ray does.
 RTCRay EmbreeRay(const Ray& ray) {
-  using Four [[gnu::vector_size(4 * sizeof(float))]] = float;
-  const Four origin = {ray.origin.x, ray.origin.y, ray.origin.z, 0};
-  const Four direction = {ray.direction.x, ray.direction.y, ray.direction.z, 0};
-  RTCRay r = {};
-  std::memcpy(&r.org_x, &origin, sizeof(origin));
-  std::memcpy(&r.dir_x, &direction, sizeof(direction));
-  r.tfar = ray.max_distance;
+  RTCRay r;
+  static_assert(offsetof(RayRecord, max_distance) == offsetof(RTCRay, tfar));
+  std::memcpy(&r, static_cast<const RayRecord*>(&ray), offsetof(RTCRay, tfar) + sizeof(r.tfar));
   r.mask = ~0u;
+  r.id = 0;
+  r.flags = 0;
   return r;
 }
 
@@ -61,11 +58,11 @@ struct alignas(32) Packet {
     query.ray.org_x[i] = ray.origin.x;
     query.ray.org_y[i] = ray.origin.y;
     query.ray.org_z[i] = ray.origin.z;
-    query.ray.tnear[i] = 0;
+    query.ray.tnear[i] = ray.min_distance;
     query.ray.dir_x[i] = ray.direction.x;
     query.ray.dir_y[i] = ray.direction.y;
     query.ray.dir_z[i] = ray.direction.z;
-    query.ray.time[i] = 0;
+    query.ray.time[i] = ray.time;
     query.ray.tfar[i] = ray.max_distance;
     query.ray.mask[i] = ~0u;
     query.ray.id[i] = static_cast<unsigned>(i);

@@ -47,6 +47,7 @@ void PathTracer::TraceDeltaChainGeometry(const Ray& camera_ray, const Surface& f
   for (int depth = 1; step.valid && depth <= std::min(plan_.levels, max_bounces_); ++depth) {
     if (!step.transmitted) mirrors.Add(surface.normal);
     Ray ray;
+    ray.time = camera_ray.time;
     surface.SpawnRay(step, MixBits(camera_ray.random_key + static_cast<uint64_t>(depth)), &ray);
     const Hit hit = embree_->Intersect(ray);
     if (hit.IsMiss()) return;

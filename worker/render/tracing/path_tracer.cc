@@ -55,7 +55,8 @@ void OpenSeen(const Hit& hit, const Surface& surface, const SeenLobes& lobes, Pa
 }
 
 /// Builds the shadow ray from `surface` to the light sample.
-void SetShadowRay(const Surface& surface, const LightSample& sample, Ray* ray) {
+void SetShadowRay(const Surface& surface, const LightSample& sample, float time, Ray* ray) {
+  ray->time = time;
   ray->origin = surface.Offset(sample.direction);
   ray->direction = sample.direction;
   ray->max_distance = std::numeric_limits<float>::infinity();
@@ -147,7 +148,7 @@ void PathTracer::SampleLight(const Surface& surface, const Bsdf& bsdf, const Ver
   if (out->value.diffuse <= 0 && MaxComponent(out->value.non_diffuse) <= 0) return;
   SetFactor(bsdf.DiffuseAlbedo(), path, out);
   out->light = sample.radiance * LightSampleWeight(sample, bsdf_pdf);
-  SetShadowRay(surface, sample, &out->shadow_ray);
+  SetShadowRay(surface, sample, path.ray.time, &out->shadow_ray);
 }
 
 Vec3 PathTracer::EmittedOnHit(const Surface& surface, const Hit& hit, const Path& path) const {
@@ -174,11 +175,11 @@ void PathTracer::CatchShadows(std::span<const Ray> rays, std::span<const Sampler
   for (size_t i = 0; i < rays.size(); ++i) {
     if (samples[i].first.instance != scene::kNone) continue;
     if (const std::optional<Surface> catcher = backdrop_.catchers->At(rays[i]); catcher.has_value())
-      samples[i].caught = ShadowOn(*catcher, samplers[i]);
+      samples[i].caught = ShadowOn(*catcher, samplers[i], rays[i].time);
   }
 }
 
-CaughtShadow PathTracer::ShadowOn(const Surface& catcher, const Sampler& sampler) const {
+CaughtShadow PathTracer::ShadowOn(const Surface& catcher, const Sampler& sampler, float time) const {
   CaughtShadow caught = {.is_hit = true};
   if (lights_.IsEmpty()) return caught;
   const VertexNumbers random = PathSampler(sampler).Draw(0);
@@ -187,7 +188,7 @@ CaughtShadow PathTracer::ShadowOn(const Surface& catcher, const Sampler& sampler
   const float cosine = Dot(sample.direction, catcher.normal);
   if (sample.pdf <= 0 || cosine <= 0) return caught;
   Ray ray;
-  SetShadowRay(catcher, sample, &ray);
+  SetShadowRay(catcher, sample, time, &ray);
   const Vec3 unseen = sample.radiance * (Vec3{1, 1, 1} - visibility_.Transmittance(ray));
   const float light =
       Luminance(sample.radiance.x, sample.radiance.y, sample.radiance.z) * cosine / sample.pdf;

@@ -137,7 +137,7 @@ class PathTracer {
   std::vector<const scene::Material*> SolidsAround(Vec3 point) const;
   /// What is left of light from the first surface to the camera.
   Vec3 FirstTransmittance(const Surface& surface, const Hit& hit) const;
-  CaughtShadow ShadowOn(const Surface& catcher, const Sampler& sampler) const;
+  CaughtShadow ShadowOn(const Surface& catcher, const Sampler& sampler, float time) const;
   Bsdf MakeBsdf(const Surface& surface, Vec3 wo) const;
   /// The same where a path may be of one wavelength.
   Bsdf BsdfOnPath(const Surface& surface, const SurfaceMaterial& material, const Path& path) const;

@@ -37,7 +37,7 @@ inline constexpr std::string_view kPassSamples = "pass-samples";
 inline constexpr std::string_view kCostliestFirst = "costliest-first";
 
 /// All decisions, in the order in which they are made.
-inline constexpr std::array<Decision, 14> kAll = {{
+inline constexpr std::array<Decision, 13> kAll = {{
     {kBounces, "paths", 0, 1024, 1024},
     {kLevels, "paths, layers, filter", 0, layers::kMaxDepth, layers::kMaxDepth},
     {kDirect, "layer D"},
@@ -48,7 +48,6 @@ inline constexpr std::array<Decision, 14> kAll = {{
     {"general-code", "paths"},
     {"emission-on-hits", "paths"},
     {"alpha-by-mode", "rays"},
-    {"roulette", "paths", 0, 10000, 0},
     {kTileSize, "units", 8, 512, 32},
     {kPassSamples, "units", 0, 1 << 20, 0},  // 0: the coordinator's default
     {kCostliestFirst, "units", 0, 1, 0},

@@ -46,7 +46,7 @@ absl::StatusOr<std::vector<PlanPair>> MeasurePlan(const std::string& scene, cons
                                                   TaskPool* pool);
 
 /// What the plans of one scene decide otherwise than full ones, which may depend on the seed of the probe:
-/// "levels 0, glossy off, roulette 118 to 138, levels 1 with some seeds".
+/// "levels 0, glossy off, pass-samples 64 to 256, levels 1 with some seeds".
 std::string DifferencesOf(absl::Span<const PlanPair> pairs);
 
 /// Draws the ratios ("plan-ratios") and writes plan.csv and plan.md; the pairs of a scene follow one another.

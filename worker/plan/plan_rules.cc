@@ -133,50 +133,6 @@ Verdict DecideAlphaTests(const RuleInput& input, const Plan&) {
           absl::StrFormat("alpha tests on %d surfaces", facts.opaque_surfaces)};
 }
 
-// --- Russian roulette -------------------------------------------------------------------------------------
-
-/// In steps, so that rounding, such as that of a scene in other units, hardly ever decides. Paths go on with
-/// their throughput at least, and few end where they go on with fifty times that.
-constexpr int kRouletteStep = 5;
-constexpr int kLeastRoulette = 100;
-constexpr int kMostRoulette = 5000;
-/// Noise over that of the usual rule: a plan may cost a hundredth of the accuracy. Measured errors are 0 to 4
-/// % less than the recorded paths tell, which count outliers for little: the usual rule has more of them.
-constexpr double kAllowedNoise = 1.01;
-
-/// The rule of the fewest rays with that noise: more rays, less noise.
-int CheapestRoulette(const RecordedPaths& paths, double noise) {
-  int least = kLeastRoulette / kRouletteStep;
-  int most = kMostRoulette / kRouletteStep;
-  while (least < most) {
-    const int middle = (least + most) / 2;
-    // Half a step less would do as well: the nearest step.
-    if (paths.CostsWith({.percent = middle * kRouletteStep + (kRouletteStep + 1) / 2}).noise <= noise) {
-      most = middle;
-    } else {
-      least = middle + 1;
-    }
-  }
-  return least * kRouletteStep;
-}
-
-Verdict DecideRoulette(const RuleInput& input, const Plan& so_far) {
-  if (so_far.max_bounces == 0) return {0, Source::kScene, "no bounces are traced", ""};
-  // A frame has the same bits in a job of its own.
-  if (input.facts.animated) return {0, Source::kScene, "the scene is animated", ""};
-  const PathCosts usual = input.probe.paths.CostsWith({});
-  if (usual.noise <= 0) return {0, Source::kProbe, "the probe saw no indirect light", ""};
-  const int percent = CheapestRoulette(input.probe.paths, kAllowedNoise * usual.noise);
-  const PathCosts costs = input.probe.paths.CostsWith({.percent = percent});
-  const double share = costs.rays / usual.rays;
-  if (share >= 1) return {0, Source::kProbe, "no rule from the first bounce on takes fewer rays", ""};
-  return {percent, Source::kProbe,
-          absl::StrFormat("from the first bounce on, paths go on by %.2f times their throughput: about as "
-                          "much noise as from the second bounce on by the throughput",
-                          percent / 100.0),
-          absl::StrFormat("%.0f %% of the rays that bounce", 100 * (1 - share))};
-}
-
 // --- Units ------------------------------------------------------------------------------------------------
 
 constexpr int kTile = 32;
@@ -300,7 +256,6 @@ const Rule kRules[] = {
      Switch<&Plan::tracing, &render::TracingPlan::emission_on_hits>},
     {"alpha-by-mode", DecideAlphaTests,
      [](int value, Plan* plan) { plan->tracing.opacity_scan = value == 0; }},
-    {"roulette", DecideRoulette, [](int value, Plan* plan) { plan->tracing.roulette.percent = value; }},
     {decisions::kTileSize, DecideTileSize, [](int value, Plan* plan) { plan->units.tile_size = value; }},
     {decisions::kPassSamples, DecidePassSamples,
      [](int value, Plan* plan) { plan->units.pass_samples = value; }},

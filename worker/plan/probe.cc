@@ -16,6 +16,13 @@ namespace {
 
 using render::Vec3;
 
+/// What a pixel's squared error is divided by. Dark pixels count by their share of the frame's light, as in
+/// relMSE.
+double SquaredLight(double of_pixel, double of_frame) {
+  constexpr double kFloor = 0.01;
+  return of_pixel * of_pixel + kFloor * of_frame * of_frame;
+}
+
 double LuminanceOf(Vec3 c) { return static_cast<double>(Luminance(c.x, c.y, c.z)); }
 
 /// Mean and variance of numbers that come one by one. Source: Welford 1962.
@@ -58,11 +65,10 @@ std::pair<int, int> SizeWith(int width, int height, int wanted) {
   return {scaled(width, height), scaled(height, width)};
 }
 
-/// Pixels of the probe's picture, beside those of RecordPaths, each of whose samples are traced twice.
+/// Pixels of the probe's picture.
 int PixelsOf(const render::RenderSettings& settings, int32_t samples_per_pixel) {
   const double samples = static_cast<double>(settings.width) * settings.height * samples_per_pixel;
-  const double affordable =
-      samples / (kSamplesPerProbeSample * double{kProbeSamples}) - 2 * kLeastProbePixels;
+  const double affordable = samples / (kSamplesPerProbeSample * double{kProbeSamples});
   return static_cast<int>(std::clamp<double>(affordable, kLeastProbePixels, kProbePixels));
 }
 
@@ -77,17 +83,8 @@ render::RenderSettings Reduced(const render::RenderSettings& settings, int pixel
   return small;
 }
 
-/// The settings of the frame that the picture is a region of.
-render::RenderSettings WholeFrame(render::RenderSettings settings) {
-  if (settings.frame.frame_width == 0) return settings;
-  settings.width = settings.frame.frame_width;
-  settings.height = settings.frame.frame_height;
-  settings.frame = {};
-  return settings;
-}
-
 /// Everything is modelled; where all surfaces are diffuse, code for them traces the same bits sooner.
-constexpr render::TracingPlan kProbePlan = {.diffuse_code = true, .roulette = {}, .layers = {}};
+constexpr render::TracingPlan kProbePlan = {.diffuse_code = true, .layers = {}};
 
 /// One probe.
 class ProbeRun {
@@ -191,12 +188,6 @@ absl::StatusOr<Probe> RunProbe(const scene::Scene& scene, const render::RenderSe
                                   kProbePlan);
   const int64_t rays_before = render::RaysOfThread();
   Probe probe = ProbeRun(tracer, *camera, picture).Run();
-  // As many for any number of samples, and of the whole frame: samples that are added to a job, and regions,
-  // have the frame's bits.
-  const render::RenderSettings least = Reduced(WholeFrame(settings), kLeastProbePixels);
-  const absl::StatusOr<render::PictureCamera> recorder = render::MakeCamera(scene, least);
-  if (!recorder.ok()) return recorder.status();
-  probe.paths = RecordPaths(tracer, *recorder, least, &probe.samples);
   probe.rays = render::RaysOfThread() - rays_before;
   return probe;
 }

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "worker/plan/recorded_paths.h"
 #include "worker/render/renderer.h"
 #include "worker/scene/scene.h"
 
@@ -25,8 +24,6 @@ struct Probe {
   /// or more; the greatest over all blocks. [0] is not used.
   std::array<double, layers::kMaxDepth + 1> level_share = {};
 
-  RecordedPaths paths;  // of kProbeSamples samples in each of kLeastProbePixels pixels
-
   double noise = 0;  // mean over the pixels of the relative variance of one sample's luminance
 
   /// Mean of rays_of_pixel over the pixels that part `rect` of a frame of this size covers.
@@ -35,6 +32,7 @@ struct Probe {
   double RaysPerSample() const { return RaysPerSample({0, 0, width, height}, width, height); }
 };
 
+inline constexpr uint32_t kProbeSamples = 8;   // per pixel
 inline constexpr int kProbePixels = 4096;      // at most, but for rounding
 inline constexpr int kLeastProbePixels = 256;  // unless the frame has fewer
 /// The part of the job's samples that its probe may have, one in: a plan saves a few of a hundred.

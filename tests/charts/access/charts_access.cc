@@ -167,7 +167,18 @@ IndirectRadiance ChartsAccess::TraceIndirect(const Surface& surface, Vec3 direct
   step.pdf = Dot(direction, surface.normal) / kPi;
   path.Begin(PathPart::kLit, {1, 1, 1});
   path.Leave(surface, step);
-  tracer().Follow(&path, nullptr);
+  std::vector<Path> branches;
+  for (bool goes_on = true; goes_on;) {
+    Connection connection;
+    Surface reached;
+    const Hit hit = tracer().embree_->Intersect(path.ray);
+    goes_on = tracer().Reach(hit, &path, &reached) &&
+              tracer().Scatter(hit, reached, tracer().surfaces_.Shade(reached), path.random.Draw(path.vertex),
+                               &path, &connection, &branches);
+    if (connection.IsBlack()) continue;
+    connection.light *= tracer().visibility_.Transmittance(connection.shadow_ray);
+    path.Add(connection);
+  }
   return {path.incident.indirect, path.incident.first_distance};
 }
 

@@ -107,10 +107,10 @@ TEST_F(PlanChart, PlannedJobsOfADiffuseSceneCarryLessAndPayForTheirProbe) {
 
 TEST_F(PlanChart, DifferencesOfSeedsAreARange) {
   std::vector<PlanPair> pairs(3);
-  pairs[0].differences = {{"roulette", 130}, {"levels", 1}, {"glossy", 0}};
-  pairs[1].differences = {{"roulette", 118}, {"glossy", 0}};
-  pairs[2].differences = {{"roulette", 125}, {"glossy", 0}};
-  EXPECT_EQ(DifferencesOf(pairs), "levels 1 with some seeds, glossy off, roulette 118 to 130");
+  pairs[0].differences = {{"pass-samples", 256}, {"levels", 1}, {"glossy", 0}};
+  pairs[1].differences = {{"pass-samples", 64}, {"glossy", 0}};
+  pairs[2].differences = {{"pass-samples", 128}, {"glossy", 0}};
+  EXPECT_EQ(DifferencesOf(pairs), "levels 1 with some seeds, glossy off, pass-samples 64 to 256");
 }
 
 TEST_F(PlanChart, MirrorsAreNotDiffuse) {

@@ -103,7 +103,7 @@ TEST(JobPlan, WhatTheJobAsksForWins) {
 
 TEST(JobPlan, APlanThatIsNotValidIsRefused) {
   v1::Plan plan;
-  EXPECT_EQ(ErrorOf(plan), "plan: it has 0 decisions, not 14");
+  EXPECT_EQ(ErrorOf(plan), "plan: it has 0 decisions, not 13");
   plan = MadeUpPlan();
   plan.mutable_decisions()->SwapElements(1, 2);
   EXPECT_THAT(ErrorOf(plan), HasSubstr("'levels' is missing or out of order"));

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <random>
 #include <set>
 #include <utility>
 
@@ -335,90 +334,6 @@ TEST(PlanRules, NamesOfMaterialsStayOnTheirLine) {
   const std::string text = TextOf(PlanOf(LitBox(glossy)));
   EXPECT_EQ(text.find('\x1b'), std::string::npos);
   EXPECT_EQ(text.find("two\n"), std::string::npos);
-}
-
-TEST(PlanRules, PathsEndWhereTheRestBringsLittle) {
-  const Plan plan = PlanOf(LitBox(Gray()));
-  const int percent = plan.tracing.roulette.percent;
-  EXPECT_GE(percent, 100);
-  EXPECT_LE(percent, 300);
-  EXPECT_EQ(Find(plan, "roulette").source, Source::kProbe);
-  EXPECT_THAT(Find(plan, "roulette").saving, HasSubstr("of the rays that bounce"));
-  // Samples that are added later are traced by the same rule.
-  PlanSettings few = SettingsFor();
-  few.samples = 2;
-  EXPECT_EQ(PlanOf(LitBox(Gray()), few).tracing.roulette.percent, percent);
-  few.full = true;
-  EXPECT_EQ(PlanOf(LitBox(Gray()), few).tracing.roulette, render::Roulette{});
-  few.forced = {"roulette=250"};
-  EXPECT_EQ(PlanOf(LitBox(Gray()), few).tracing.roulette.percent, 250);
-}
-
-TEST(PlanRules, RouletteCostsAHundredthOfTheAccuracyAtMost) {
-  const Scene room = LitBox(Gray());
-  const int percent = PlanOf(room).tracing.roulette.percent;
-  const RecordedPaths paths = RunProbe(room, SettingsFor().render, kAmpleSamples).value().paths;
-  const double usual = paths.CostsWith({}).noise;
-  const auto noise = [&](int of_percent) { return paths.CostsWith({.percent = of_percent}).noise / usual; };
-  EXPECT_LE(noise(percent + 3), 1.01) << "the nearest step: half a step more would do";
-  EXPECT_GT(noise(percent - 2), 1.01);
-  EXPECT_LE(noise(percent), 1.02);
-}
-
-TEST(PlanRules, RouletteIsTheNearestStepForAnyPaths) {
-  std::mt19937 random(7);
-  const auto uniform = [&random] { return std::uniform_real_distribution<float>(0, 1)(random); };
-  const auto rule =
-      std::find_if(Rules().begin(), Rules().end(), [](const Rule& any) { return any.name == "roulette"; });
-  Plan so_far;
-  so_far.max_bounces = 8;
-  const PlanSettings settings = SettingsFor();
-  int decided = 0;
-  for (int i = 0; i < 40; ++i) {
-    Probe probe;
-    const float decline = 0.2f + 0.7f * uniform();
-    for (int path = 0; path < 50; ++path) {
-      std::vector<render::PathVertex> vertices(2 + random() % 6);
-      render::PathVertex vertex = {{}, 1, 0};
-      for (render::PathVertex& next : vertices) {
-        const float throughput = vertex.throughput * decline * uniform();
-        vertex = {vertex.gathered + scene::Vec3{1, 1, 1} * (vertex.throughput * uniform()), throughput,
-                  vertex.rays + 2};
-        next = vertex;
-      }
-      vertices.back().throughput = 0;
-      probe.paths.Add(vertices, {.light = 1, .outlier = 100});
-    }
-    const int percent = rule->decide({SceneFacts(), probe, settings}, so_far).value;
-    if (percent == 0) continue;
-    ++decided;
-    const double allowed = 1.01 * probe.paths.CostsWith({}).noise;
-    EXPECT_LE(probe.paths.CostsWith({.percent = percent + 3}).noise, allowed) << percent;
-    const double a_step_less = probe.paths.CostsWith({.percent = percent - 2}).noise;
-    EXPECT_TRUE(percent == 100 || a_step_less > allowed) << percent;
-  }
-  EXPECT_GT(decided, 20);
-}
-
-TEST(PlanRules, ARegionHasTheRouletteOfItsFrame) {
-  const int of_frame = PlanOf(LitBox(Gray())).tracing.roulette.percent;
-  PlanSettings region = SettingsFor();
-  region.render.frame = {region.render.width, region.render.height, 8, 4};
-  region.render.width = 12;
-  region.render.height = 20;
-  EXPECT_EQ(PlanOf(LitBox(Gray()), region).tracing.roulette.percent, of_frame);
-}
-
-TEST(PlanRules, FramesOfAnAnimationHaveTheUsualRoulette) {
-  const auto moving = RoomWithLateMirror().Load();
-  ASSERT_TRUE(moving.ok()) << moving.status();
-  EXPECT_EQ(ValueOf(PlanOf(*moving), "roulette"), "0");
-}
-
-TEST(PlanRules, PathsThatBringNothingAreOfNoRule) {
-  EXPECT_EQ(ValueOf(PlanOf(Box(Gray())), "roulette"), "0") << "no bounces without light";
-  EXPECT_EQ(ValueOf(PlanOf(Sheet(Gray()), SettingsFor(WhiteSky())), "roulette"), "0");
-  EXPECT_THAT(Find(PlanOf(LitBox(Mirror())), "roulette").reason, HasSubstr("no indirect light"));
 }
 
 }  // namespace

@@ -121,8 +121,7 @@ const LayeredImage& FullPicture(const NamedScene& named) {
 TEST(SameBits, ThePlannedPictureIsTheFullOne) {
   for (const NamedScene& named : Scenes()) {
     SCOPED_TRACE(named.name);
-    PlanSettings settings = SettingsFor(named.sky ? WhiteSky() : nullptr);
-    settings.forced = {"roulette=0"};  // all other decisions keep the bits
+    const PlanSettings settings = SettingsFor(named.sky ? WhiteSky() : nullptr);
     const Plan plan = PlanOf(named.scene, settings);
     render::RenderSettings planned = settings.render;
     planned.plan = plan.tracing;

@@ -117,6 +117,24 @@ TEST(Renderer, SingleSidedLightsEmitFromTheirFrontOnly) {
   EXPECT_GT(MeanOf(RenderAll(*MakeRenderer(scene, 8, 8), 8, 8, 16), layers::kNoisy), 0.1);
 }
 
+TEST(Renderer, PathsFromDarkSurfacesAreAsLongAsFromBrightOnes) {
+  const auto rays_from = [](float albedo) {
+    scene::Scene scene;
+    scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f}), testing::Lambert({albedo, albedo, albedo}),
+                       testing::Emitter({9, 9, 9})};
+    testing::PlaceBoxInside(&scene, 2, {0, 0, 0, 0, 0, 0});
+    testing::Place(&scene, testing::QuadMesh({-0.01f, -1.9f, -0.01f}, {0, 0, 0.02f}, {0.02f, 0, 0}, 1));
+    testing::Place(&scene, testing::QuadMesh({-0.5f, 1.95f, -0.5f}, {1, 0, 0}, {0, 0, 1}, 2));
+    scene.cameras = {testing::LookAt({0, -1, 0}, {0, -1.9f, 0}, 0.01f)};
+    RenderCounts counts;
+    MakeRenderer(scene, 8, 8)->RenderPass({0, 0, 8, 8}, 0, {0, 64}, &counts);
+    return static_cast<double>(counts.rays) / static_cast<double>(counts.samples);
+  };
+  const double bright = rays_from(0.9f);
+  EXPECT_GT(bright, 6.5) << "two bounces and the shadow rays of three surfaces; then some";
+  EXPECT_NEAR(rays_from(0.05f), bright, 0.01);
+}
+
 TEST(Renderer, IsIndependentOfTilesAndPasses) {
   const auto renderer = MakeRenderer(testing::SmallRoom(), 24, 18);
   RenderCounts counts;

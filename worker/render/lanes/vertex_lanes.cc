@@ -198,8 +198,8 @@ HWY_INLINE void TakeStep(const Vertices& v, const float* albedos, ShadedLanes* o
   const ChoiceLanes& choice = v.in->choice;
   const Num3 before = LoadFours([&](size_t lane) { return &v[lane].path->before.x; }).xyz();
   const Num estimate = MaxComponent(before * v.throughput * (v.lobes.diffuse_albedo + v.lobes.facets_albedo));
-  const Num scale = At(choice.scale, v.first);
-  const Num survival = Select(scale > Num(0.0f), Min(one, estimate * scale * At(choice.unit, v.first)), one);
+  const Num factor = At(choice.roulette, v.first);
+  const Num survival = Select(factor > Num(0.0f), Min(one, factor * estimate), one);
   const Num u = At(v.in->random.light_and_lobe.y, v.first);
   const Mask is_certain = survival >= one;
   const Mask survives = Or(is_certain, u < survival);
@@ -219,7 +219,7 @@ HWY_INLINE void TakeStep(const Vertices& v, const float* albedos, ShadedLanes* o
   }
   const auto path = [&](size_t lane) { return &v[lane].path->throughput.x; };
   StoreFours({throughput.x, throughput.y, throughput.z, weight.pdf}, path);
-  StoreFours({next_before.x, next_before.y, next_before.z, estimate},
+  StoreFours({next_before.x, next_before.y, next_before.z, Num(0.0f)},
              [&](size_t lane) { return path(lane) + 4; });
 }
 

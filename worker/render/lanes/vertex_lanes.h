@@ -73,8 +73,8 @@ struct SurfaceRecord {
 struct PathRecord {
   Vec3 throughput = {1, 1, 1};  // since its part began
   float pdf = 0;            // with which the direction was sampled at the last vertex; 0 for a delta event
-  Vec3 before = {1, 1, 1};  // throughput up to there
-  float estimate = 0;       // of the greatest channel of its throughput after the last vertex
+  Vec3 before = {1, 1, 1};  // throughput up to there, what the camera's surface scatters left out
+  float unused = 0;
 };
 
 /// A light sample at a vertex; see Connection.
@@ -112,7 +112,7 @@ struct LaneVertex {
 struct ChoiceLanes {
   LaneRow probability;  // of the triangle
   LaneRow is_seen;      // 1: the surface's lobes are kept apart
-  LaneRow scale, unit;  // whose product times the throughput a path survives; 0: it goes on
+  LaneRow roulette;     // see RouletteFactor()
 };
 
 /// Samples of lights that are no triangles, where `is_sampled` is 1; see LightSample.

@@ -107,7 +107,6 @@ struct IncidentRadiance {
 /// What is wanted of a path, and what its light is.
 struct PathOptions {
   int levels = 0;               // that are kept apart
-  bool is_recorded = false;     // no Russian roulette
   bool is_single = false;       // at smooth glass, too, one delta event is sampled
   bool is_dispersed = false;    // its light is of one wavelength
   bool is_direct_only = false;  // of the first surface's diffuse light only the direct part

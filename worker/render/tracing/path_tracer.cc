@@ -13,6 +13,7 @@
 #include "filter/image/portable_math.h"
 #include "worker/render/materials/dispersion.h"
 #include "worker/render/materials/lobes.h"
+#include "worker/render/sampling/roulette.h"
 #include "worker/render/tracing/path_stream.h"
 
 namespace lumifold::render {
@@ -199,20 +200,9 @@ CaughtShadow PathTracer::ShadowOn(const Surface& catcher, const Sampler& sampler
   return caught;
 }
 
-bool PathTracer::Shade(const Hit& hit, Path* path, Connection* connection,
-                       std::vector<Path>* branches) const {
-  Surface surface;
-  if (!Reach(hit, path, &surface)) return false;
-  const VertexNumbers random = path->random.Draw(path->vertex);
-  if (surface.values != nullptr)
-    return Scatter(hit, surface, *surface.values, random, path, connection, branches);
-  return Scatter(hit, surface, surfaces_.Shade(surface), random, path, connection, branches);
-}
-
 bool PathTracer::Reach(const Hit& hit, Path* path, Surface* surface) const {
   if (path->part != PathPart::kLit) path->CloseSeen();
   if (path->part == PathPart::kSeen && path->vertex > 0) path->out->levels.Set({path->branch, path->vertex});
-  path->estimate = -1;
   if (hit.IsMiss()) {
     if (!path->incident.has_scattered) path->incident.first_distance = std::numeric_limits<float>::infinity();
     if (path->vertex > 0 || !backdrop_.is_transparent)
@@ -262,11 +252,6 @@ std::vector<const scene::Material*> PathTracer::SolidsAround(Vec3 point) const {
   return solids;
 }
 
-Roulette PathTracer::RouletteAt(const Path& path) const {
-  // A surface seen in mirrors is like one that the camera sees: a plan's rule begins at the next one.
-  return path.part == PathPart::kSeen ? Roulette{} : plan_.roulette;
-}
-
 bool PathTracer::Scatter(const Hit& hit, const Surface& surface, const SurfaceMaterial& material,
                          const VertexNumbers& random, Path* path, Connection* connection,
                          std::vector<Path>* branches) const {
@@ -279,9 +264,8 @@ bool PathTracer::Scatter(const Hit& hit, const Surface& surface, const SurfaceMa
   if (is_seen || !path->options.is_direct_only) SampleLight(surface, bsdf, random, *path, connection);
 
   float u_lobe = random.light_and_lobe.y;
-  path->estimate = MaxComponent(path->before * path->throughput * bsdf.Albedo());
   const float survival =
-      path->options.is_recorded ? 1.0f : RouletteAt(*path).Survival(path->vertex, path->estimate);
+      SurvivalProbability(path->vertex, MaxComponent(path->before * path->throughput * bsdf.Albedo()));
   if (!Survives(survival, &u_lobe)) return false;
   const BsdfSample step = bsdf.Sample(u_lobe, random.direction);
   if (is_seen && step.is_delta && path->vertex == 0 && !path->options.is_single && bsdf.IsSmoothGlass())
@@ -324,7 +308,8 @@ bool PathTracer::TakeSeenStep(const Surface& surface, Vec3 diffuse_albedo, BsdfS
   path->seen.weight = step.weight;
   path->seen.total_weight = TotalOf(step.weight, diffuse_albedo);
   path->options.is_direct_only = path->options.is_direct_only && MaxComponent(step.weight.non_diffuse) <= 0;
-  path->Begin(PathPart::kLit, path->throughput * path->seen.total_weight);
+  path->Begin(PathPart::kLit,
+              path->vertex == 0 ? path->throughput : path->throughput * path->seen.total_weight);
   path->Leave(surface, step);
   return true;
 }
@@ -342,9 +327,7 @@ const BaseMaterial* PathTracer::LaneMaterialOf(const Surface& surface, const Sur
 }
 
 void PathTracer::SetChoiceLane(const Path& path, size_t lane, ChoiceLanes* out) const {
-  const Roulette rule = RouletteAt(path);
-  out->scale[lane] = rule.Scale(path.vertex);
-  out->unit[lane] = rule.Unit();
+  out->roulette[lane] = RouletteFactor(path.vertex);
   out->is_seen[lane] = path.part == PathPart::kSeen ? 1.0f : 0.0f;
 }
 
@@ -386,6 +369,7 @@ bool PathTracer::LeaveLane(const Hit& hit, const Surface& surface, float alpha, 
     path->seen.total_weight = seen.total_weight;
     path->options.is_direct_only = path->options.is_direct_only && MaxComponent(seen.weight.non_diffuse) <= 0;
     path->part = PathPart::kLit;
+    if (path->vertex == 0) path->before = path->seen.throughput;
     path->incident = {};
   } else {
     path->incident.has_scattered = true;
@@ -417,39 +401,6 @@ void PathTracer::Trace(std::span<const Ray> rays, std::span<const Sampler> sampl
   PathStream stream(*this);
   stream.Add(rays, samplers, out);
   stream.Run();
-}
-
-void PathTracer::Follow(Path* path, std::vector<PathVertex>* record) const {
-  // There may be a thousand bounces, and next to no light comes from beyond these vertices.
-  constexpr size_t kMaxVertices = 16;
-  const int64_t rays_before = RaysOfThread();
-  std::vector<Path> branches;
-  for (bool goes_on = true; goes_on;) {
-    Connection connection;
-    goes_on = Shade(embree_->Intersect(path->ray), path, &connection, &branches);
-    if (!connection.IsBlack()) {
-      connection.light *= visibility_.Transmittance(connection.shadow_ray);
-      path->Add(connection);
-    }
-    if (record == nullptr) continue;
-    if (path->estimate < 0 || record->size() == kMaxVertices) break;
-    record->push_back({path->before * path->incident.indirect, path->estimate, RaysOfThread() - rays_before});
-  }
-  if (record != nullptr)
-    record->push_back({path->before * path->incident.indirect, 0, RaysOfThread() - rays_before});
-}
-
-void PathTracer::RecordIndirect(const Ray& ray, const Sampler& sampler, std::vector<PathVertex>* out) const {
-  out->clear();
-  if (max_bounces_ == 0) return;
-  LayerSample sample;
-  Path path = StartPath(ray, sampler, &sample);
-  path.options.is_recorded = true;
-  Hit first;
-  embree_->IntersectTogether({&ray, 1}, {&first, 1});
-  Connection seen;  // its light is not indirect
-  std::vector<Path> branches;
-  if (Shade(first, &path, &seen, &branches) && path.part == PathPart::kLit) Follow(&path, out);
 }
 
 }  // namespace lumifold::render

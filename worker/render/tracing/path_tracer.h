@@ -30,13 +30,6 @@ enum class LightStrategy {
   kBsdfHits,      // directions sampled from the BSDF that hit a light
 };
 
-/// Where a recorded path could have ended, and its end.
-struct PathVertex {
-  Vec3 gathered;         // indirect radiance so far, weighted as in the picture
-  float throughput = 0;  // for Roulette::Survival; 0 at the path's end
-  int64_t rays = 0;      // so far, from the first surface on
-};
-
 /// What the camera sees where it sees no surface.
 struct Backdrop {
   bool is_transparent = false;               // nothing; else the environment
@@ -75,11 +68,6 @@ class PathTracer {
   /// The rays' random keys are set.
   void TraceGeometry(std::span<const Ray> rays, std::span<GeometrySample> out) const;
 
-  /// Traces the path that one sample of the first surface's indirect light follows, without Russian roulette,
-  /// and tells its vertices from the first bounce on. Nothing for rays that leave the scene, and where the
-  /// sample is a mirror image. The ray's random key is set.
-  void RecordIndirect(const Ray& ray, const Sampler& sampler, std::vector<PathVertex>* out) const;
-
   bool HasLights() const { return !lights_.IsEmpty(); }
 
  private:
@@ -95,19 +83,16 @@ class PathTracer {
   Path StartPath(const Ray& camera_ray, const Sampler& sampler, LayerSample* out) const {
     return Path(camera_ray, sampler, plan_.levels, out);
   }
-  /// What happens at the end of a path's ray: gathers the emission there, samples a light and the next
-  /// direction. Returns whether the path goes on. `connection`, which must be black, receives the light
-  /// sample, without visibility. Smooth glass that the camera sees adds the path of its transmission to
-  /// `branches`.
-  bool Shade(const Hit& hit, Path* path, Connection* connection, std::vector<Path>* branches) const;
-  /// The first part of Shade(): the emission. Returns whether the path may scatter at `surface`, which then
-  /// is set.
+  /// Gathers the emission at the end of a path's ray. Returns whether the path may scatter at `surface`, which
+  /// then is set.
   bool Reach(const Hit& hit, Path* path, Surface* surface) const;
-  /// The rest.
+  /// Samples a light and the next direction. Returns whether the path goes on. `connection`, which must be
+  /// black, receives the light sample, without visibility. Smooth glass that the camera sees adds the path of
+  /// its transmission to `branches`.
   bool Scatter(const Hit& hit, const Surface& surface, const SurfaceMaterial& material,
                const VertexNumbers& random, Path* path, Connection* connection,
                std::vector<Path>* branches) const;
-  /// The rest by lanes, for materials of which this is not null: sets what ShadeLanes() reads, and does what
+  /// The same by lanes, for materials of which this is not null: sets what ShadeLanes() reads, and does what
   /// follows from its result. `textured` is where the result may be kept.
   const BaseMaterial* LaneMaterialOf(const Surface& surface, const SurfaceMaterial& material,
                                      BaseMaterial* textured) const;
@@ -115,9 +100,6 @@ class PathTracer {
   void SetLightLane(const Surface& surface, const Path& path, size_t lane, VertexLanes* out) const;
   bool LeaveLane(const Hit& hit, const Surface& surface, float alpha, const ShadedLanes& shaded, size_t lane,
                  Path* path) const;
-  /// Traces a path that has left its first surface to its end, alone. If `record` is not null, its vertices
-  /// are added there.
-  void Follow(Path* path, std::vector<PathVertex>* record) const;
   /// MIS weight of a light that a direction sampled with density `bsdf_pdf` hits, and that light sampling
   /// generates with density `light_pdf`.
   float HitWeight(float bsdf_pdf, float light_pdf) const;
@@ -149,8 +131,6 @@ class PathTracer {
                     Path* path) const;
   /// Whether nothing is wanted of what a path would find after its next vertex.
   bool EndsHere(const Path& path) const;
-  /// The rule of Russian roulette at the path's vertex.
-  Roulette RouletteAt(const Path& path) const;
   /// Both delta events that leave smooth glass at the first surface, each weighted by Fresnel.
   static bool TakeBothBranches(const Surface& surface, const Bsdf& bsdf, Path* path,
                                std::vector<Path>* branches);

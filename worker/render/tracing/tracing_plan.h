@@ -3,7 +3,6 @@
 #include <string_view>
 
 #include "filter/image/layers.h"
-#include "worker/render/sampling/roulette.h"
 
 namespace lumifold::render {
 
@@ -22,8 +21,6 @@ struct TracingPlan {
   /// false: sampled directions gather no emission. For scenes in which nothing emits but punctual lights the
   /// result has the same bits.
   bool emission_on_hits = true;
-  /// Which paths go on. The result has other bits, but the same mean.
-  Roulette roulette = {};
   using Layers = lumifold::layers::Carried;
   Layers layers;  // that units carry besides C
 

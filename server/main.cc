@@ -398,7 +398,7 @@ absl::StatusOr<std::shared_ptr<lumifold::device::DeviceProcess>> OpenDevice(
     const FilterFlags& flags, const std::shared_ptr<spdlog::logger>& log) {
   absl::StatusOr<std::unique_ptr<lumifold::device::DeviceProcess>> device =
       lumifold::device::DeviceProcess::Start({.choice = flags.device, .warn = [log](const std::string& line) {
-                                                log->warn("event=device_failed error={}",
+                                                log->warn("event=device_warning error={}",
                                                           lumifold::logging::Quoted(line));
                                               }});
   if (!device.ok()) return device.status();

@@ -264,7 +264,7 @@ absl::StatusOr<lumifold::filter::OpenedDevice> OpenDevice(const Flags& flags, co
       {.choice = flags.device,
        .user = flags.sandbox.off ? "" : *user,
        .warn = [log](const std::string& line) {
-         if (*log != nullptr) (*log)->warn("event=device_failed error={}", lumifold::logging::Quoted(line));
+         if (*log != nullptr) (*log)->warn("event=device_warning error={}", lumifold::logging::Quoted(line));
        }});
   if (device.ok()) return device;
   return absl::Status(device.status().code(), absl::StrCat("--device: ", device.status().message()));

@@ -242,8 +242,8 @@ __kernel void Covariance(Grid grid, int images, int row_step, __global const Rea
   covariance[item] = total;
 }
 
-// The principal axis by power iteration; a work-item a manifold.
-__kernel void Axis(int images, int iterations, __global const Real* covariance, __global float* axes) {
+// The principal axes of clusters, from cluster `first` on, by power iteration; a work-item a cluster.
+__kernel void Axis(int images, int first, int iterations, __global const Real* covariance, __global float* axes) {
   const size_t image = get_global_id(0);
   if (image >= (size_t)images) return;
   __global const Real* lower = covariance + image * ENTRIES;
@@ -265,7 +265,7 @@ __kernel void Axis(int images, int iterations, __global const Real* covariance, 
     const Real length = IsGreater(squares, RealOf(0.0f)) ? Root(squares) : RealOfBits(ONE);
     for (int i = 0; i < FEATURES; ++i) axis[i] = Quotient(next[i], length);
   }
-  for (int k = 0; k < FEATURES; ++k) axes[image * FEATURES + k] = FloatOf(axis[k]);
+  for (int k = 0; k < FEATURES; ++k) axes[(first + image) * FEATURES + k] = FloatOf(axis[k]);
 }
 
 // Quotient, root, product and sum of each pair of numbers.

@@ -119,6 +119,12 @@ class OpenClRun final : public KernelRun {
     return static_cast<Buffer>(buffers_.size() - 1);
   }
 
+  void Release(Buffer buffer) override {
+    cl_mem& memory = buffers_[static_cast<size_t>(buffer)];
+    if (memory != nullptr) cl_.clReleaseMemObject(memory);
+    memory = nullptr;
+  }
+
   void Write(Buffer to, size_t offset, const void* from, size_t bytes) override {
     if (!status_.ok() || bytes == 0) return;
     Note(cl_.clEnqueueWriteBuffer(queue_, MemoryOf(to), CL_TRUE, offset, bytes, from, 0, nullptr, nullptr),
@@ -235,6 +241,11 @@ class OpenClDevice final : public Device {
     if (error != CL_SUCCESS) return OpenClStatus(error, "clCreateContext");
     queue_.reset(cl_.clCreateCommandQueue(context_.get(), device_, 0, &error));
     return OpenClStatus(error, "clCreateCommandQueue");
+  }
+
+  DeviceMemory Memory() const override {
+    return {NumberOf<cl_ulong>(cl_, device_, CL_DEVICE_GLOBAL_MEM_SIZE),
+            NumberOf<cl_ulong>(cl_, device_, CL_DEVICE_MAX_MEM_ALLOC_SIZE)};
   }
 
   absl::StatusOr<std::unique_ptr<KernelRun>> Begin(const KernelOptions& options) override {

@@ -32,6 +32,9 @@ class Device {
  public:
   virtual ~Device() = default;
 
+  /// What the driver says; others may use of it.
+  virtual DeviceMemory Memory() const = 0;
+
   /// Builds the kernels, unless it has, and checks that they give this processor's bits, unless others are
   /// allowed.
   /// Errors: kFailedPrecondition: they do not; kInternal with the compiler's words.

@@ -11,6 +11,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "filter/opencl/device.h"
 #include "filter/opencl/manifold_run.h"
 #include "filter/opencl/projection_run.h"
@@ -25,42 +26,70 @@ constexpr const char* kGpuFiles[] = {"/dev/dri", "/dev/nvidiactl", "/dev/kfd", "
 class FilterDevice final : public ManifoldDevice {
  public:
   FilterDevice(std::unique_ptr<Device> device, DeviceWarning warn, std::string other_bits)
-      : warn_(std::move(warn)), other_bits_(std::move(other_bits)), device_(std::move(device)) {}
+      : warn_(std::move(warn)),
+        other_bits_(std::move(other_bits)),
+        device_(std::move(device)),
+        memory_(device_->Memory()) {}
 
   std::string OtherBits() const override { return other_bits_; }
 
   std::optional<ManifoldResult> Filter(const ManifoldCall& call) override {
-    return Run(KernelsOf(call), [&call](KernelRun* run) { return RunManifolds(call, run); });
+    return Run(
+        KernelsOf(call), LeastMemory(call), [&] { return TakenMemory(call, memory_); },
+        [&](KernelRun* run) { return RunManifolds(call, memory_, run); });
   }
   std::optional<Planes> Project(const ProjectionCall& call) override {
-    return Run({.kernels = Kernels::kProjection},
-               [&call](KernelRun* run) { return RunProjection(call, run); });
+    const DeviceMemory need = MemoryOf(call);
+    return Run(
+        {.kernels = Kernels::kProjection}, need, [&] { return need; },
+        [&call](KernelRun* run) { return RunProjection(call, run); });
   }
 
  private:
-  /// What `work` makes with the kernels; nullopt once the device has failed.
-  template <typename Work>
-  auto Run(const KernelOptions& kernels, const Work& work)
+  /// What `work` makes with the kernels, which takes taken() of the memory; nullopt once the device has
+  /// failed, and where it has not the `least` memory.
+  template <typename Taken, typename Work>
+  auto Run(const KernelOptions& kernels, const DeviceMemory& least, const Taken& taken, const Work& work)
       -> std::optional<typename decltype(work(nullptr))::value_type> {
     const std::lock_guard lock(mutex_);
-    if (has_failed_) return std::nullopt;
-    const absl::StatusOr<std::unique_ptr<KernelRun>> run = device_->Begin(kernels);
-    absl::Status status = run.status();
-    if (run.ok()) {
-      auto result = work(run->get());
-      if (result.ok()) return *std::move(result);
-      status = result.status();
+    while (!has_failed_) {
+      if (!memory_.Holds(least)) {
+        Leave(least);
+        return std::nullopt;
+      }
+      const absl::StatusOr<std::unique_ptr<KernelRun>> run = device_->Begin(kernels);
+      absl::Status status = run.status();
+      if (run.ok()) {
+        auto result = work(run->get());
+        if (result.ok()) return *std::move(result);
+        status = result.status();
+      }
+      if (run.ok() && absl::IsResourceExhausted(status)) {
+        memory_.whole = taken().whole / 4 * 3;  // others use the rest
+        continue;
+      }
+      has_failed_ = true;
+      warn_(true, std::string(status.message()));
     }
-    has_failed_ = true;
-    warn_(std::string(status.message()));
     return std::nullopt;
+  }
+
+  void Leave(const DeviceMemory& least) {
+    if (std::exchange(has_left_, true)) return;
+    constexpr double kMega = 1e6;
+    const auto mega = [](uint64_t bytes) { return static_cast<double>(bytes) / kMega; };
+    warn_(false, absl::StrFormat(
+                     "it has %.1f MB of memory, %.1f MB in one buffer, and %.1f and %.1f MB are needed",
+                     mega(memory_.whole), mega(memory_.largest), mega(least.whole), mega(least.largest)));
   }
 
   const DeviceWarning warn_;
   const std::string other_bits_;
   std::mutex mutex_;
   const std::unique_ptr<Device> device_;  // used by one thread at a time
+  DeviceMemory memory_;                   // that can be had
   bool has_failed_ = false;
+  bool has_left_ = false;  // some work to the processor
 };
 
 /// The number in "gpu:N"; nullopt for another word.

@@ -12,8 +12,8 @@
 
 namespace lumifold::filter {
 
-/// Receives why a device has failed.
-using DeviceWarning = std::function<void(const std::string& reason)>;
+/// Receives why a device is given up, or leaves some work to the processor.
+using DeviceWarning = std::function<void(bool has_failed, const std::string& reason)>;
 
 /// Whether OpenFilterDevice() knows the word: "auto", "cpu", "gpu" or "gpu:N". Asks no driver.
 /// Errors: kInvalidArgument.
@@ -23,7 +23,8 @@ absl::Status CheckDeviceChoice(std::string_view choice);
 bool MayHaveGpu();
 
 /// Filters on `device`. If it fails it is given up for good: `warn` is told, once, and the processor filters.
-/// `other_bits`: as ManifoldDevice::OtherBits.
+/// What needs more memory than it has is left to the processor, of which `warn` is told once. Where it has
+/// less than it says, less is tried. `other_bits`: as ManifoldDevice::OtherBits.
 std::shared_ptr<ManifoldDevice> MakeFilterDevice(std::unique_ptr<Device> device, DeviceWarning warn,
                                                  std::string other_bits = "");
 

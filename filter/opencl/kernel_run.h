@@ -36,6 +36,14 @@ struct Grid {
   int32_t points;
 };
 
+/// Bytes of a device: all that is allocated at a time, and the largest buffer.
+struct DeviceMemory {
+  uint64_t whole = UINT64_MAX;
+  uint64_t largest = UINT64_MAX;
+
+  bool Holds(const DeviceMemory& need) const { return need.whole <= whole && need.largest <= largest; }
+};
+
 /// One use of the kernels: memory, and work in the order of the calls. After an error the calls do nothing.
 /// Threads: one.
 class KernelRun {
@@ -47,6 +55,8 @@ class KernelRun {
 
   /// Memory of any value; `bytes` may be 0.
   virtual Buffer Allocate(size_t bytes) = 0;
+  /// Frees memory once the work that was given before has ended.
+  virtual void Release(Buffer buffer) = 0;
   /// `from` may change after the call.
   virtual void Write(Buffer to, size_t offset, const void* from, size_t bytes) = 0;
   /// Runs `items` work-items of a kernel.

@@ -129,12 +129,13 @@ float CellSum(const float* masses, const float* values) {
 
 // --- The tree of manifolds -------------------------------------------------------------------------------------------------
 
-// Of each cluster in each cell, the means of mass * feature and of mass. The root: labels are 0, masses the mask.
-__kernel void ClusterSums(Grid grid, int clusters, __global const float* features, __global const int* labels,
-                          __global const float* masses, __global float* sums) {
+// Of `clusters` clusters from `first` on in each cell, the means of mass * feature and of mass. The root: labels are 0, masses the
+// mask.
+__kernel void ClusterSums(Grid grid, int clusters, int first, __global const float* features,
+                          __global const int* labels, __global const float* masses, __global float* sums) {
   const size_t item = get_global_id(0);
   if (item >= (size_t)clusters * CellsOf(grid)) return;
-  const int cell = (int)(item % CellsOf(grid)), cluster = (int)(item / CellsOf(grid));
+  const int cell = (int)(item % CellsOf(grid)), cluster = first + (int)(item / CellsOf(grid));
   float own[MOST_STEP * MOST_STEP], values[MOST_STEP * MOST_STEP];
   int has_members = 0;
   for (int i = 0; i < STEP * STEP; ++i) {
@@ -197,8 +198,8 @@ __kernel void EvenColumns(Grid grid, int images, float link, __global float* cel
   }
 }
 
-// The manifolds from `first` on: low-passed features over low-passed weight, drawn to the parents, which begin at `parent`; the
-// root has none: -1.
+// The manifolds from `first` on: low-passed features over low-passed weight, drawn to the parents, two to each from `parent` on;
+// the root has none: -1.
 __kernel void Heights(Grid grid, int images, int first, int parent, __global const float* low,
                       __global float* eta) {
   const size_t item = get_global_id(0);
@@ -214,9 +215,10 @@ __kernel void Heights(Grid grid, int images, int first, int parent, __global con
   }
 }
 
-// The weights of sites on the `count` manifolds from `first` on. Squared distances of points over the first `shared` features,
-// which are their pixels', are divided. `splits`: each pixel goes into one of the two parts of its cluster, with a mass.
-__kernel void Weigh(Grid grid, int count, int first, int splits, int shared, float divisor,
+// The weights of sites on the `count` manifolds from `first` on, written where they `stay`, from manifold `origin` on. Squared
+// distances of points over the first `shared` features, which are their pixels', are divided. `splits`: each pixel goes into one of
+// the two parts of its cluster, with a mass.
+__kernel void Weigh(Grid grid, int count, int first, int stay, int origin, int splits, int shared, float divisor,
                     __global const int* places, __global const float* features, __global const float* eta,
                     __global const float* axes, __global float* members, __global int* labels,
                     __global float* total, __global float* weights, __global float* masses) {
@@ -241,7 +243,7 @@ __kernel void Weigh(Grid grid, int count, int first, int splits, int shared, flo
     const float weight = square < kFarthest ? Exp(-square) : 0.0f;
     sum += weight;
     own_weight = m == own ? weight : own_weight;
-    weights[(first + m) * SitesOf(grid) + site] = weight;
+    if (stay) weights[(first + m - origin) * SitesOf(grid) + site] = weight;
   }
   total[site] = sum;
   if (own < 0) return;
@@ -268,7 +270,7 @@ float SignalOf(int k, size_t site, Grid grid, float unit, __global const int* pl
                        : PositionOf(YOf(site, grid, places), grid.height, unit);
 }
 
-// On all manifolds. The points of cell c are order[firsts[c]] to order[firsts[c + 1] - 1], summed after its pixels.
+// On `manifolds` manifolds. The points of cell c are order[firsts[c]] to order[firsts[c + 1] - 1], summed after its pixels.
 __kernel void Splat(Grid grid, int manifolds, float unit, __global const int* places, __global const int* firsts,
                     __global const int* order, __global const float* signals, __global const float* masses,
                     __global const float* weights, __global float* psi) {
@@ -313,13 +315,13 @@ __kernel void Moments(Grid grid, int manifolds, __global float* psi) {
   at[13] = y * sum_y;
 }
 
-// The links of each cell of each manifold with the cell to the left and the one above.
-__kernel void Links(Grid grid, int manifolds, float sigma, float stretch, __global const float* eta,
+// The links of each cell of the manifolds from `first` on with the cell to the left and the one above.
+__kernel void Links(Grid grid, int manifolds, int first, float sigma, float stretch, __global const float* eta,
                     __global float* across, __global float* down) {
   const size_t item = get_global_id(0);
   if (item >= (size_t)manifolds * CellsOf(grid)) return;
   const int cell = (int)(item % CellsOf(grid));
-  __global const float* here = eta + item * FEATURES;
+  __global const float* here = eta + (first * CellsOf(grid) + item) * FEATURES;
   for (int i = 0; i < 2; ++i) {
     const int before = i == 0 ? 1 : grid.columns;  // cells
     const int has_before = i == 0 ? cell % grid.columns > 0 : cell >= grid.columns;
@@ -393,22 +395,26 @@ float PlaneAt(const float* m, int c, float ridge, float x, float y) {
   return m[c] + by_x * (m[5 + c] - m[3] * m[c]) + by_y * (m[8 + c] - m[4] * m[c]);
 }
 
-// Sums over all manifolds, quotient, and what the fit makes of it. A pixel that no manifold reaches keeps its own signals; a point
-// is 0 then, and so is what it found.
-__kernel void Slice(Grid grid, int manifolds, float unit, float ridge, __global const int* places,
-                    __global const float* signals, __global const float* weights, __global const float* psi,
-                    __global float* result, __global float* found) {
+// Sums over manifolds, those before being in `planes` unless these are the first. With the last: quotient, and what the fit makes of
+// it, in the place of the sums. A pixel that no manifold reaches keeps its own signals; a point is 0 then, and so is what it found.
+__kernel void Slice(Grid grid, int manifolds, int is_first, int is_last, float unit, float ridge,
+                    __global const int* places, __global const float* signals, __global const float* weights,
+                    __global const float* psi, __global float* planes, __global float* found) {
   const size_t site = get_global_id(0);
   if (site >= SitesOf(grid)) return;
   const int x = XOf(site, grid, places), y = YOf(site, grid, places);
   const Place at = PlaceOf(x, y, grid);
   float sums[MOST_PLANES];
-  for (int k = 0; k < PLANES; ++k) sums[k] = 0.0f;
+  for (int k = 0; k < PLANES; ++k) sums[k] = is_first ? 0.0f : planes[k * SitesOf(grid) + site];
   for (int m = 0; m < manifolds; ++m) {
     const float weight = weights[m * SitesOf(grid) + site];
     if (weight == 0.0f) continue;
     __global const float* cells = psi + m * CellsOf(grid) * PLANES;
     for (int k = 0; k < PLANES; ++k) sums[k] += weight * Read(cells, PLANES, k, at, grid);
+  }
+  if (!is_last) {
+    for (int k = 0; k < PLANES; ++k) planes[k * SitesOf(grid) + site] = sums[k];
+    return;
   }
   const int is_lost = sums[RESULTS] < kLeastWeight;
   const int keeps = site < PixelsOf(grid);
@@ -418,6 +424,6 @@ __kernel void Slice(Grid grid, int manifolds, float unit, float ridge, __global 
   }
   const float own_x = PositionOf(x, grid.width, unit), own_y = PositionOf(y, grid.height, unit);
   for (int c = 0; c < CHANNELS; ++c)
-    result[c * SitesOf(grid) + site] = FITS ? PlaneAt(sums, c, ridge, own_x, own_y) : sums[c];
+    planes[c * SitesOf(grid) + site] = FITS ? PlaneAt(sums, c, ridge, own_x, own_y) : sums[c];
   if (!keeps) found[site - PixelsOf(grid)] = is_lost ? 0.0f : sums[RESULTS];
 }

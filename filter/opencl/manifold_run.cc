@@ -8,8 +8,8 @@
 
 #include "filter/image/portable_math.h"
 #include "filter/kernels/kernel_constants.h"
-#include "filter/manifold/lattice.h"
 #include "filter/manifold/manifold_constants.h"
+#include "filter/opencl/memory_plan.h"
 
 namespace lumifold::filter {
 namespace {
@@ -21,22 +21,23 @@ int32_t Int(size_t count) { return static_cast<int32_t>(count); }
 /// One filtering; its work is in the order of the members.
 class ManifoldRun {
  public:
-  ManifoldRun(const ManifoldCall& call, KernelRun* run)
+  ManifoldRun(const ManifoldCall& call, const DeviceMemory& memory, KernelRun* run)
       : call_(call),
         run_(*run),
-        options_(KernelsOf(call)),
-        lattice_(call.mask.width(), call.mask.height(), options_.step),
-        grid_{lattice_.width, lattice_.height, lattice_.Columns(), lattice_.Rows(),
-              Int(PointsOf(call).pixels.size())},
-        pixels_(static_cast<size_t>(grid_.width) * static_cast<size_t>(grid_.height)),
-        cells_(static_cast<size_t>(grid_.columns) * static_cast<size_t>(grid_.rows)),
-        manifolds_((int32_t{1} << call.params.height) - 1) {}
+        sizes_(call),
+        options_(sizes_.options),
+        grid_(sizes_.grid),
+        pixels_(sizes_.pixels),
+        cells_(sizes_.cells),
+        plan_(PlanFor(memory, sizes_)) {}
 
   absl::StatusOr<ManifoldResult> Run() {
-    UploadSites();
+    UploadFeatures();
     GrowTree();
-    const Buffer masks = SplatMasks();
-    SplatBlurSlice(masks);
+    // What is released counts until its work has ended.
+    if (absl::Status status = run_.Finish(); !status.ok()) return status;
+    UploadSignals();
+    SplatBlurSlice(SplatMasks());
     if (absl::Status status = run_.Finish(); !status.ok()) return status;
     return Results();
   }
@@ -50,8 +51,10 @@ class ManifoldRun {
     return call.points != nullptr ? *call.points : none;
   }
   const SlicePoints& Points() const { return PointsOf(call_); }
-  size_t Sites() const { return pixels_ + static_cast<size_t>(grid_.points); }
-  float InCells(float sigma) const { return sigma / static_cast<float>(lattice_.step); }
+  size_t Sites() const { return sizes_.sites; }
+  /// Whether all manifolds take one turn.
+  bool IsWhole() const { return plan_.manifolds == sizes_.manifolds; }
+  float InCells(float sigma) const { return sigma / static_cast<float>(options_.step); }
 
   Buffer Floats(size_t count) { return run_.Allocate(count * sizeof(float)); }
   template <typename T>
@@ -79,43 +82,52 @@ class ManifoldRun {
     return values;
   }
 
-  /// The manifolds, the weights of sites on them and their sums; and what splits clusters.
+  /// The manifolds, the weights of sites on those of a turn and the sums of all; and what splits clusters.
   struct Tree {
     Buffer eta, weights, total;
-    Buffer sums, axes;
+    Buffer sums, low, axes;
+    Buffer members, masses, labels;
+  };
+  /// The points by cells, as kernel Splat has them.
+  struct PointOrder {
+    Buffer firsts, order;
   };
 
-  void UploadSites();
+  void UploadFeatures();
+  void UploadSignals();
   void GrowTree();
-  /// The axes that split `count` clusters.
-  void FindAxes(int32_t count, int32_t first);
+  /// `count` manifolds from `first` on, of a level of `level` manifolds.
+  void GrowClusters(int32_t level, int32_t first, int32_t count, bool splits);
+  /// The axes that split `count` clusters of a level from cluster `cluster` on.
+  void FindAxes(int32_t count, int32_t first, int32_t cluster);
+  /// Weights that stay are kept from manifold `origin` on.
+  void Weigh(int32_t count, int32_t first, bool stays, int32_t origin, bool splits);
   /// What sites weigh in splats.
   Buffer SplatMasks();
+  PointOrder OrderPoints();
   void SplatBlurSlice(Buffer masks);
-  void Splat(Buffer masks);
+  void Blur(int32_t count, int32_t first);
   absl::StatusOr<ManifoldResult> Results();
 
   const ManifoldCall& call_;
   KernelRun& run_;
+  const ManifoldSizes sizes_;
   const KernelOptions options_;
-  const Lattice lattice_;
   const Grid grid_;
   const size_t pixels_;
   const size_t cells_;
-  const int32_t manifolds_;
+  const MemoryPlan plan_;
   Buffer places_ = {}, signals_ = {}, features_ = {};
   Tree tree_ = {};
-  Buffer psi_ = {}, result_ = {}, found_ = {};
+  Buffer psi_ = {}, across_ = {}, down_ = {};
+  Buffer planes_ = {};  // sums over manifolds, and then the result
+  Buffer found_ = {};
 };
 
-void ManifoldRun::UploadSites() {
+void ManifoldRun::UploadFeatures() {
   std::vector<int32_t> places;
   for (const auto& [x, y] : Points().pixels) places.insert(places.end(), {x, y});
   places_ = Upload(places);
-  const size_t channels = call_.signals.size();
-  signals_ = Upload(call_.signals, [&](size_t c, size_t i) {
-    return Points().signals.empty() ? 0.0f : Points().signals[i * channels + c];
-  });
   const size_t own = Points().own_features;
   features_ = Upload(call_.features, [&](size_t k, size_t i) {
     const size_t shared = Features() - own;
@@ -124,7 +136,14 @@ void ManifoldRun::UploadSites() {
   });
 }
 
-void ManifoldRun::FindAxes(int32_t count, int32_t first) {
+void ManifoldRun::UploadSignals() {
+  const size_t channels = call_.signals.size();
+  signals_ = Upload(call_.signals, [&](size_t c, size_t i) {
+    return Points().signals.empty() ? 0.0f : Points().signals[i * channels + c];
+  });
+}
+
+void ManifoldRun::FindAxes(int32_t count, int32_t first, int32_t cluster) {
   const int32_t row_step = std::max(1, grid_.rows / kAxisRows);
   const auto rows = static_cast<size_t>((grid_.rows + row_step - 1) / row_step);
   const size_t entries = static_cast<size_t>(count) * (Features() * (Features() + 1) / 2 + 1);
@@ -132,39 +151,56 @@ void ManifoldRun::FindAxes(int32_t count, int32_t first) {
   const Buffer covariance = run_.Allocate(entries * sizeof(double));
   run_.Run("RowCovariance", rows * entries, {grid_, count, first, row_step, tree_.sums, tree_.eta, row_sums});
   run_.Run("Covariance", entries, {grid_, count, row_step, row_sums, covariance});
-  run_.Run("Axis", static_cast<size_t>(count), {count, call_.params.pca_iterations, covariance, tree_.axes});
+  run_.Run("Axis", static_cast<size_t>(count),
+           {count, cluster, call_.params.pca_iterations, covariance, tree_.axes});
+  for (const Buffer buffer : {row_sums, covariance}) run_.Release(buffer);
+}
+
+void ManifoldRun::Weigh(int32_t count, int32_t first, bool stays, int32_t origin, bool splits) {
+  run_.Run("Weigh", Sites(),
+           {grid_, count, first, stays ? 1 : 0, origin, splits ? 1 : 0,
+            Int(Features() - Points().own_features), Points().pixel_divisor, places_, features_, tree_.eta,
+            tree_.axes, tree_.members, tree_.labels, tree_.total, tree_.weights, tree_.masses});
+}
+
+void ManifoldRun::GrowClusters(int32_t level, int32_t first, int32_t count, bool splits) {
+  const auto images = static_cast<size_t>(count);
+  const size_t planes = images * (Features() + 1);
+  const float link = Exp(-kSqrt2 / InCells(call_.params.sigma_s));
+  const int32_t cluster = first - (level - 1);
+  const int32_t parent = level == 1 ? -1 : level / 2 - 1 + cluster / 2;
+  run_.Run("ClusterSums", images * cells_,
+           {grid_, count, cluster, features_, tree_.labels, tree_.masses, tree_.sums});
+  run_.Run("EvenRows", planes * static_cast<size_t>(grid_.rows), {grid_, count, link, tree_.sums, tree_.low});
+  run_.Run("EvenColumns", planes * static_cast<size_t>(grid_.columns), {grid_, count, link, tree_.low});
+  run_.Run("Heights", images * cells_, {grid_, count, first, parent, tree_.low, tree_.eta});
+  if (splits) FindAxes(count, first, cluster);
 }
 
 void ManifoldRun::GrowTree() {
-  const size_t most_clusters = size_t{1} << (call_.params.height - 1);
-  const size_t most_sums = most_clusters * cells_ * (Features() + 1);
-  tree_ = {.eta = Floats(static_cast<size_t>(manifolds_) * cells_ * Features()),
-           .weights = Floats(static_cast<size_t>(manifolds_) * Sites()),
+  const size_t most_clusters = size_t{1} << (sizes_.levels - 1);
+  const size_t sums = static_cast<size_t>(plan_.clusters) * cells_ * (Features() + 1);
+  tree_ = {.eta = Floats(static_cast<size_t>(sizes_.manifolds) * cells_ * Features()),
+           .weights = Floats(IsWhole() ? static_cast<size_t>(sizes_.manifolds) * Sites() : 0),
            .total = Upload(std::vector<float>(Sites())),
-           .sums = Floats(most_sums),
-           .axes = Floats(most_clusters * Features())};
-  const Buffer members = Upload(Packed(call_.mask));
-  const Buffer masses = Upload(Packed(call_.mask));
-  const Buffer labels = Upload(std::vector<int32_t>(pixels_));
-  const Buffer low = Floats(most_sums);
-  const float link = Exp(-kSqrt2 / InCells(call_.params.sigma_s));
-  for (int32_t depth = 0; depth < call_.params.height; ++depth) {
-    const int32_t count = int32_t{1} << depth;
-    const int32_t first = count - 1;
-    const int32_t parent = depth == 0 ? -1 : count / 2 - 1;
-    const int32_t splits = depth + 1 < call_.params.height ? 1 : 0;
-    const size_t images = static_cast<size_t>(count);
-    const size_t planes = images * (Features() + 1);
-    run_.Run("ClusterSums", images * cells_, {grid_, count, features_, labels, masses, tree_.sums});
-    run_.Run("EvenRows", planes * static_cast<size_t>(grid_.rows), {grid_, count, link, tree_.sums, low});
-    run_.Run("EvenColumns", planes * static_cast<size_t>(grid_.columns), {grid_, count, link, low});
-    run_.Run("Heights", images * cells_, {grid_, count, first, parent, low, tree_.eta});
-    if (splits != 0) FindAxes(count, first);
-    run_.Run(
-        "Weigh", Sites(),
-        {grid_, count, first, splits, Int(Features() - Points().own_features), Points().pixel_divisor,
-         places_, features_, tree_.eta, tree_.axes, members, labels, tree_.total, tree_.weights, masses});
+           .sums = Floats(sums),
+           .low = Floats(sums),
+           .axes = Floats(most_clusters * Features()),
+           .members = Upload(Packed(call_.mask)),
+           .masses = Upload(Packed(call_.mask)),
+           .labels = Upload(std::vector<int32_t>(pixels_))};
+  for (int32_t level = 1; level <= Int(most_clusters); level *= 2) {
+    const int32_t first = level - 1;
+    const bool splits = level < Int(most_clusters);
+    const int32_t turn = std::min(level, plan_.clusters);
+    for (int32_t cluster = 0; cluster < level; cluster += turn)
+      GrowClusters(level, first + cluster, turn, splits);
+    Weigh(level, first, IsWhole(), 0, splits);
   }
+  for (const Buffer buffer : {tree_.sums, tree_.low, tree_.members, tree_.masses, tree_.labels})
+    run_.Release(buffer);
+  tree_.members = tree_.masses = tree_.labels = tree_.total;  // of kernels that do not read them
+  if (IsWhole()) run_.Release(features_);
 }
 
 Buffer ManifoldRun::SplatMasks() {
@@ -181,7 +217,7 @@ Buffer ManifoldRun::SplatMasks() {
   return buffer;
 }
 
-void ManifoldRun::Splat(Buffer masks) {
+ManifoldRun::PointOrder ManifoldRun::OrderPoints() {
   std::vector<std::vector<int32_t>> by_cell(cells_);
   std::vector<size_t> by_row(Points().pixels.size());
   std::iota(by_row.begin(), by_row.end(), size_t{0});
@@ -189,8 +225,8 @@ void ManifoldRun::Splat(Buffer masks) {
                    [&](size_t i, size_t j) { return Points().pixels[i][1] < Points().pixels[j][1]; });
   for (const size_t i : by_row) {
     const auto [x, y] = Points().pixels[i];
-    by_cell[static_cast<size_t>(y / lattice_.step) * static_cast<size_t>(grid_.columns) +
-            static_cast<size_t>(x / lattice_.step)]
+    by_cell[static_cast<size_t>(y / options_.step) * static_cast<size_t>(grid_.columns) +
+            static_cast<size_t>(x / options_.step)]
         .push_back(Int(i));
   }
   std::vector<int32_t> firsts = {0}, order;
@@ -198,31 +234,41 @@ void ManifoldRun::Splat(Buffer masks) {
     order.insert(order.end(), of_cell.begin(), of_cell.end());
     firsts.push_back(Int(order.size()));
   }
-  run_.Run("Splat", static_cast<size_t>(manifolds_) * cells_,
-           {grid_, manifolds_, call_.reach, places_, Upload(firsts), Upload(order), signals_, masks,
-            tree_.weights, psi_});
+  return {Upload(firsts), Upload(order)};
+}
+
+void ManifoldRun::Blur(int32_t count, int32_t first) {
+  const auto images = static_cast<size_t>(count);
+  const float sigma = InCells(call_.reach);
+  const float stretch = (sigma / kBlurRange) * (sigma / kBlurRange);
+  run_.Run("Links", images * cells_, {grid_, count, first, sigma, stretch, tree_.eta, across_, down_});
+  run_.Run("GuidedRows", images * static_cast<size_t>(grid_.rows) * Planes(), {grid_, count, across_, psi_});
+  run_.Run("GuidedColumns", images * static_cast<size_t>(grid_.columns) * Planes(),
+           {grid_, count, down_, psi_});
 }
 
 void ManifoldRun::SplatBlurSlice(Buffer masks) {
-  const auto manifolds = static_cast<size_t>(manifolds_);
-  const size_t all_cells = manifolds * cells_;
-  psi_ = Floats(all_cells * Planes());
-  result_ = Floats(Sites() * static_cast<size_t>(options_.channels));
+  const PointOrder points = OrderPoints();
+  const auto most = static_cast<size_t>(plan_.manifolds);
+  if (!IsWhole()) tree_.weights = Floats(most * Sites());
+  psi_ = Floats(most * cells_ * Planes());
+  across_ = Floats(most * cells_);
+  down_ = Floats(most * cells_);
+  planes_ = Floats(Sites() * (IsWhole() ? static_cast<size_t>(options_.channels) : Planes()));
   found_ = Floats(static_cast<size_t>(grid_.points));
-  Splat(masks);
-  if (options_.fits) run_.Run("Moments", all_cells, {grid_, manifolds_, psi_});
-  const float sigma = InCells(call_.reach);
-  const float stretch = (sigma / kBlurRange) * (sigma / kBlurRange);
-  const Buffer across = Floats(all_cells);
-  const Buffer down = Floats(all_cells);
-  run_.Run("Links", all_cells, {grid_, manifolds_, sigma, stretch, tree_.eta, across, down});
-  run_.Run("GuidedRows", manifolds * static_cast<size_t>(grid_.rows) * Planes(),
-           {grid_, manifolds_, across, psi_});
-  run_.Run("GuidedColumns", manifolds * static_cast<size_t>(grid_.columns) * Planes(),
-           {grid_, manifolds_, down, psi_});
-  run_.Run("Slice", Sites(),
-           {grid_, manifolds_, call_.reach, call_.params.slope_ridge, places_, signals_, tree_.weights, psi_,
-            result_, found_});
+  for (int32_t first = 0; first < sizes_.manifolds; first += plan_.manifolds) {
+    const int32_t count = std::min(plan_.manifolds, sizes_.manifolds - first);
+    const size_t images = static_cast<size_t>(count);
+    if (!IsWhole()) Weigh(count, first, /*stays=*/true, /*origin=*/first, /*splits=*/false);
+    run_.Run("Splat", images * cells_,
+             {grid_, count, call_.reach, places_, points.firsts, points.order, signals_, masks, tree_.weights,
+              psi_});
+    if (options_.fits) run_.Run("Moments", images * cells_, {grid_, count, psi_});
+    Blur(count, first);
+    run_.Run("Slice", Sites(),
+             {grid_, count, first == 0 ? 1 : 0, first + count == sizes_.manifolds ? 1 : 0, call_.reach,
+              call_.params.slope_ridge, places_, signals_, tree_.weights, psi_, planes_, found_});
+  }
 }
 
 absl::StatusOr<ManifoldResult> ManifoldRun::Results() {
@@ -233,7 +279,7 @@ absl::StatusOr<ManifoldResult> ManifoldRun::Results() {
   std::vector<float> values(Sites());
   for (size_t c = 0; c < channels; ++c) {
     const size_t bytes = Sites() * sizeof(float);
-    if (absl::Status status = run_.Read(result_, c * bytes, bytes, values.data()); !status.ok())
+    if (absl::Status status = run_.Read(planes_, c * bytes, bytes, values.data()); !status.ok())
       return status;
     const auto width = static_cast<size_t>(grid_.width);
     for (int y = 0; y < grid_.height; ++y)
@@ -253,8 +299,19 @@ KernelOptions KernelsOf(const ManifoldCall& call) {
           call.params.is_first_order, CellOf(call.params)};
 }
 
-absl::StatusOr<ManifoldResult> RunManifolds(const ManifoldCall& call, KernelRun* run) {
-  return ManifoldRun(call, run).Run();
+DeviceMemory LeastMemory(const ManifoldCall& call) {
+  const ManifoldSizes sizes(call);
+  return NeedOf(LeastPlan(sizes), sizes);
+}
+
+DeviceMemory TakenMemory(const ManifoldCall& call, const DeviceMemory& memory) {
+  const ManifoldSizes sizes(call);
+  return NeedOf(PlanFor(memory, sizes), sizes);
+}
+
+absl::StatusOr<ManifoldResult> RunManifolds(const ManifoldCall& call, const DeviceMemory& memory,
+                                            KernelRun* run) {
+  return ManifoldRun(call, memory, run).Run();
 }
 
 }  // namespace lumifold::filter

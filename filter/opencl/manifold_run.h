@@ -9,8 +9,15 @@ namespace lumifold::filter {
 /// The kernels that the call needs.
 KernelOptions KernelsOf(const ManifoldCall& call);
 
-/// ManifoldFilterAtPoints by the kernels of manifold.cl, made for KernelsOf(call).
-/// Errors: those of the run.
-absl::StatusOr<ManifoldResult> RunManifolds(const ManifoldCall& call, KernelRun* run);
+/// What the call needs at least.
+DeviceMemory LeastMemory(const ManifoldCall& call);
+/// What RunManifolds takes of so much memory.
+DeviceMemory TakenMemory(const ManifoldCall& call, const DeviceMemory& memory);
+
+/// ManifoldFilterAtPoints by the kernels of manifold.cl, made for KernelsOf(call). Manifolds take turns as
+/// the memory of the device asks for; the bits are the same. `memory` holds LeastMemory(call). Errors: those
+/// of the run.
+absl::StatusOr<ManifoldResult> RunManifolds(const ManifoldCall& call, const DeviceMemory& memory,
+                                            KernelRun* run);
 
 }  // namespace lumifold::filter

@@ -7,6 +7,13 @@
 
 namespace lumifold::filter {
 
+DeviceMemory MemoryOf(const ProjectionCall& call) {
+  const uint64_t plane = sizeof(float) * static_cast<uint64_t>(call.color[0].width()) *
+                         static_cast<uint64_t>(call.color[0].height());
+  const uint64_t from = call.color.size() * plane, to = static_cast<uint64_t>(call.dimensions) * plane;
+  return {from + to + call.taps.size() * sizeof(float), std::max(from, to)};
+}
+
 absl::StatusOr<Planes> RunProjection(const ProjectionCall& call, KernelRun* run) {
   const int width = call.color[0].width();
   const int height = call.color[0].height();

@@ -6,6 +6,9 @@
 
 namespace lumifold::filter {
 
+/// What the call needs.
+DeviceMemory MemoryOf(const ProjectionCall& call);
+
 /// ProjectPatches by the kernel of projection.cl, made for Kernels::kProjection.
 /// Errors: those of the run.
 absl::StatusOr<Planes> RunProjection(const ProjectionCall& call, KernelRun* run);

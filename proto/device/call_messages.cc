@@ -244,6 +244,17 @@ std::optional<AnyCall> ReceiveCall(SocketStream* from) {
   return std::nullopt;
 }
 
+bool SendHasResult(bool has_result, SocketStream* to) {
+  const uint32_t word = has_result ? 1 : 0;
+  return to->Write(&word, sizeof(word));
+}
+
+std::optional<bool> ReceiveHasResult(SocketStream* from) {
+  uint32_t word = 0;
+  if (!from->Read(&word, sizeof(word))) return std::nullopt;
+  return word != 0;
+}
+
 bool SendResult(const Planes& result, SocketStream* to) { return SendPlanes(result, to); }
 
 bool SendResult(const ManifoldResult& result, SocketStream* to) {

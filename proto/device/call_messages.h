@@ -46,6 +46,11 @@ bool SendCall(const filter::ProjectionCall& call, SocketStream* to);
 /// nullopt: the other end is closed, or this is no call that ManifoldFilterAtPoints or ProjectPatches takes.
 std::optional<AnyCall> ReceiveCall(SocketStream* from);
 
+/// What is sent before a result: whether there is one, or the device leaves the call to the caller's
+/// processor.
+bool SendHasResult(bool has_result, SocketStream* to);
+/// nullopt: the other end is closed.
+std::optional<bool> ReceiveHasResult(SocketStream* from);
 bool SendResult(const filter::ManifoldResult& result, SocketStream* to);
 bool SendResult(const Planes& result, SocketStream* to);
 /// The result of `call`.

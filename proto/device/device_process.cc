@@ -60,11 +60,11 @@ std::optional<std::string> NextMessage(int control, absl::Duration patience) {
 class DeviceLink final : public filter::ManifoldDevice {
  public:
   DeviceLink(rpc::FileHandle connection, std::string other_bits, absl::Duration time_limit,
-             std::function<void()> on_failure)
+             std::function<void()> on_trouble)
       : connection_(std::move(connection)),
         other_bits_(std::move(other_bits)),
         stream_(connection_.get(), kQueue * time_limit),
-        on_failure_(std::move(on_failure)) {}
+        on_trouble_(std::move(on_trouble)) {}
 
   std::string OtherBits() const override { return other_bits_; }
   std::optional<filter::ManifoldResult> Filter(const filter::ManifoldCall& call) override {
@@ -78,10 +78,12 @@ class DeviceLink final : public filter::ManifoldDevice {
     absl::MutexLock lock(&mutex_);
     if (has_failed_ || !CanSend(call)) return std::nullopt;
     decltype(ReceiveResult(call, nullptr)) result;
-    if (SendCall(call, &stream_)) result = ReceiveResult(call, &stream_);
+    const std::optional<bool> has_result =
+        SendCall(call, &stream_) ? ReceiveHasResult(&stream_) : std::nullopt;
+    if (has_result.value_or(false)) result = ReceiveResult(call, &stream_);
     if (result.has_value()) return result;
-    has_failed_ = true;
-    on_failure_();
+    has_failed_ = has_result.value_or(true);
+    if (has_failed_ || !std::exchange(has_left_, true)) on_trouble_();
     return std::nullopt;
   }
 
@@ -89,8 +91,9 @@ class DeviceLink final : public filter::ManifoldDevice {
   const std::string other_bits_;
   absl::Mutex mutex_;
   SocketStream stream_ ABSL_GUARDED_BY(mutex_);
-  const std::function<void()> on_failure_;
+  const std::function<void()> on_trouble_;
   bool has_failed_ ABSL_GUARDED_BY(mutex_) = false;
+  bool has_left_ ABSL_GUARDED_BY(mutex_) = false;  // a call to the processor
 };
 
 /// A link that keeps its process.
@@ -173,19 +176,29 @@ rpc::FileHandle DeviceProcess::Connect() {
   absl::StatusOr<Ends> ends = MakeSockets(SOCK_STREAM);
   if (has_failed_ || !ends.ok()) return {};
   if (SendDescriptor(control_.get(), ends->there.get())) return std::move(ends->here);
-  Fail(NextMessage(control_.get(), kLastWords).value_or(""));
+  ReadMessages(kLastWords);
+  if (!has_failed_) Fail("");
   return {};
 }
 
 std::shared_ptr<filter::ManifoldDevice> DeviceProcess::Link() {
-  return MakeDeviceLink(Connect(), other_bits_, options_.time_limit, [this] { CheckFailure(kLastWords); });
+  return MakeDeviceLink(Connect(), other_bits_, options_.time_limit, [this] { CheckTrouble(kLastWords); });
 }
 
-void DeviceProcess::CheckFailure(absl::Duration patience) {
+void DeviceProcess::CheckTrouble(absl::Duration patience) {
   absl::MutexLock lock(&mutex_);
-  if (has_failed_) return;
-  const std::optional<std::string> message = NextMessage(control_.get(), patience);
-  if (message.has_value()) Fail(*message);
+  ReadMessages(patience);
+}
+
+void DeviceProcess::ReadMessages(absl::Duration patience) {
+  while (!has_failed_) {
+    const std::optional<std::string> message = NextMessage(control_.get(), patience);
+    if (!message.has_value()) return;
+    if (message->empty() || message->front() != kLeaves) return Fail(*message);
+    options_.warn(
+        absl::StrCat(name_, " leaves what needs more memory to this processor: ", message->substr(1)));
+    patience = absl::ZeroDuration();
+  }
 }
 
 void DeviceProcess::Fail(const std::string& message) {
@@ -197,9 +210,9 @@ void DeviceProcess::Fail(const std::string& message) {
 
 std::shared_ptr<filter::ManifoldDevice> MakeDeviceLink(rpc::FileHandle connection, std::string other_bits,
                                                        absl::Duration time_limit,
-                                                       std::function<void()> on_failure) {
+                                                       std::function<void()> on_trouble) {
   return std::make_shared<DeviceLink>(std::move(connection), std::move(other_bits), time_limit,
-                                      std::move(on_failure));
+                                      std::move(on_trouble));
 }
 
 absl::StatusOr<filter::OpenedDevice> OpenDevice(DeviceProcessOptions options) {

@@ -55,8 +55,9 @@ class DeviceProcess {
   rpc::FileHandle Connect() ABSL_LOCKS_EXCLUDED(mutex_);
   /// A connection as a device.
   std::shared_ptr<filter::ManifoldDevice> Link();
-  /// Warns, once, if the device has failed, which it may be about to say: waits for that up to `patience`.
-  void CheckFailure(absl::Duration patience = absl::ZeroDuration()) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Warns, once, if the device has failed or leaves work, which it may be about to say: waits for that up to
+  /// `patience`.
+  void CheckTrouble(absl::Duration patience = absl::ZeroDuration()) ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   DeviceProcess(DeviceProcessOptions options, rpc::FileHandle control,
@@ -64,6 +65,8 @@ class DeviceProcess {
       : options_(std::move(options)), child_(std::move(child)), control_(std::move(control)) {}
 
   absl::Status AwaitOpen();
+  /// Waits for the first one up to `patience`.
+  void ReadMessages(absl::Duration patience) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void Fail(const std::string& reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const DeviceProcessOptions options_;
@@ -75,11 +78,12 @@ class DeviceProcess {
   bool has_failed_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
-/// Filters over a connection. When that ends, `on_failure` is called, once, and the processor filters.
-/// `time_limit`: that of the process; a caller may wait for others. `other_bits`: those of the process.
+/// Filters over a connection. When that ends, `on_trouble` is called, once, and the processor filters; also
+/// when the device leaves the first call to the processor. `time_limit`: that of the process; a caller may
+/// wait for others. `other_bits`: those of the process.
 std::shared_ptr<filter::ManifoldDevice> MakeDeviceLink(rpc::FileHandle connection, std::string other_bits,
                                                        absl::Duration time_limit,
-                                                       std::function<void()> on_failure);
+                                                       std::function<void()> on_trouble);
 
 /// A process with a device and a connection to it, for a program that filters itself.
 /// Errors: as Start().

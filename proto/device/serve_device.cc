@@ -110,12 +110,15 @@ class Service {
   }
 
   bool Answer(const ReceivedFiltering& call, SocketStream* stream) {
-    const auto result = Watched([&] { return device_->Filter(call.View()); });
-    return result.has_value() && SendResult(*result, stream);
+    return Send(Watched([&] { return device_->Filter(call.View()); }), stream);
   }
   bool Answer(const ReceivedProjection& call, SocketStream* stream) {
-    const auto result = Watched([&] { return device_->Project(call.View()); });
-    return result.has_value() && SendResult(*result, stream);
+    return Send(Watched([&] { return device_->Project(call.View()); }), stream);
+  }
+  /// No result: the device leaves the call; one that fails ends the process.
+  template <typename Result>
+  static bool Send(const std::optional<Result>& result, SocketStream* stream) {
+    return SendHasResult(result.has_value(), stream) && (!result.has_value() || SendResult(*result, stream));
   }
 
   const absl::Duration time_limit_;
@@ -128,7 +131,10 @@ class Service {
 absl::StatusOr<filter::OpenedDevice> Open(const filter::DeviceChoice& choice, const std::string& user,
                                           Service* service) {
   if (absl::Status status = BecomeUser(user); !status.ok()) return status;
-  return filter::OpenFilterDevice(choice, [service](const std::string& reason) { service->Fail(reason); });
+  return filter::OpenFilterDevice(choice, [service](bool has_failed, const std::string& reason) {
+    if (has_failed) service->Fail(reason);
+    Say(kLeaves, reason);
+  });
 }
 
 }  // namespace

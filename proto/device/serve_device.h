@@ -20,5 +20,7 @@ inline constexpr char kReady = '+';
 inline constexpr char kNone = '0';
 /// Why it cannot be opened, or has failed.
 inline constexpr char kFailed = '-';
+/// Why it leaves work to the processors of callers.
+inline constexpr char kLeaves = '~';
 
 }  // namespace lumifold::device

@@ -86,7 +86,7 @@ absl::StatusOr<std::string> ChildProcess::Run(const ChildWork& work) {
       (*child)->ReadOutput(rpc::MonotonicNow() + options_.time_limit, kAnyBytes, &output, on_news);
   if (!is_in_time) (*child)->Kill();
   const absl::StatusOr<subprocess::ExitStatus> exit = (*child)->Wait();
-  if (options_.device != nullptr) options_.device->CheckFailure();
+  if (options_.device != nullptr) options_.device->CheckTrouble();
   absl::MutexLock lock(&mutex_);
   const bool is_cancelled = running->is_cancelled;
   running_.erase(running);

@@ -77,7 +77,7 @@ class DeviceTest(unittest.TestCase):
         self.assertEqual(files, self.expected)
         self.assertGreater(self.uses(), 4)
         self.assertIn("event=device name=", log)
-        self.assertNotIn("device_failed", log)
+        self.assertNotIn("device_warning", log)
 
     def test_workers_filter_frames_and_blocks_on_a_device(self):
         workers = [("--finish", "never"), ("--finish", "only", *ON_DEVICE), ("--finish", "only", *ON_DEVICE)]
@@ -86,14 +86,14 @@ class DeviceTest(unittest.TestCase):
         self.assertIn("event=block_leased", log)
         self.assertGreater(self.uses(), 0)
         self.assertIn("event=device name=", workers_logs[1])
-        self.assertNotIn("device_failed", "".join(workers_logs))
+        self.assertNotIn("device_warning", "".join(workers_logs))
 
     def test_a_device_that_hangs_costs_time_and_one_warning(self):
         os.environ["FAULTY_OPENCL"] = "clFinish:4:hang"
         os.environ["LUMIFOLD_DEVICE_SECONDS"] = "20"  # with the kernels' compilation
         files, log, _ = self.results(SETTINGS, server=ON_DEVICE)
         self.assertEqual(files, self.expected)
-        failed = re.findall(r"warning event=device_failed error=.*", log)
+        failed = re.findall(r"warning event=device_warning error=.*", log)
         self.assertEqual(len(failed), 1, log)
         self.assertIn("does not answer", failed[0])
 
@@ -102,7 +102,7 @@ class DeviceTest(unittest.TestCase):
         files, _, logs = self.results(WIDE, server=[*ON_PROCESSOR, *ONE_PLACE],
                                       workers=[("--finish", "never"), ("--finish", "only", *ON_DEVICE)])
         self.assertEqual(files, self.expected_wide)
-        self.assertEqual(logs[1].count("event=device_failed"), 1, logs[1])
+        self.assertEqual(logs[1].count("event=device_warning"), 1, logs[1])
 
     def test_a_coordinator_without_the_device_that_is_asked_for_does_not_start(self):
         with tempfile.TemporaryDirectory() as data:

@@ -54,16 +54,21 @@ class Device : public testing::Test {
             }};
   }
 
-  static Planes Filter(TaskPool* pool) {
-    const filter::ManifoldInput input = filter::MakeManifoldInput(40, 30, 3, true, 14);
+  static Planes Filter(TaskPool* pool, int width = 40, int height = 30) {
+    const filter::ManifoldInput input = filter::MakeManifoldInput(width, height, 3, true, 14);
     return filter::ManifoldFilter(input.signals, input.features, input.mask.view(), {}, pool);
   }
+  static bool FiltersOn(filter::ManifoldDevice& device, int width = 40, int height = 30) {
+    const filter::ManifoldInput input = filter::MakeManifoldInput(width, height, 3, true, 14);
+    return device.Filter({input.signals, input.features, input.mask.view(), {}, 16, nullptr}).has_value();
+  }
   static void ExpectExpected(const Planes& found) {
-    const Planes expected = Filter(nullptr);
+    const Planes expected = Filter(nullptr, found[0].width(), found[0].height());
     ASSERT_EQ(found.size(), expected.size());
     for (size_t c = 0; c < found.size(); ++c) {
-      for (int y = 0; y < 30; ++y) {
-        for (int x = 0; x < 40; ++x) ASSERT_EQ(found[c].At(x, y), expected[c].At(x, y)) << x << ' ' << y;
+      for (int y = 0; y < found[0].height(); ++y) {
+        for (int x = 0; x < found[0].width(); ++x)
+          ASSERT_EQ(found[c].At(x, y), expected[c].At(x, y)) << x << ' ' << y;
       }
     }
   }
@@ -111,11 +116,45 @@ TEST_F(Device, InAProcessGivesTheBitsOfThisProcessorToAllWhoAsk) {
 
 TEST_F(Device, ThatFailsIsLeftForTheProcessorWithOneWarning) {
   ExpectTakenOver("clBuildProgram:1:-11", "clBuildProgram: OpenCL error -11");
-  ExpectTakenOver("clCreateBuffer:9:-4", "clCreateBuffer: OpenCL error -4 (out of memory)");
-  ExpectTakenOver("clEnqueueNDRangeKernel:5:-5", "OpenCL error -5 (out of memory)");
   ExpectTakenOver("clEnqueueWriteBuffer:5:-36", "clEnqueueWriteBuffer: OpenCL error -36");
   ExpectTakenOver("clFinish:2:-14", "clFinish: OpenCL error -14");
   ExpectTakenOver("clFinish:2:crash", "its driver has crashed");
+}
+
+TEST_F(Device, WithLittleMemoryGivesTheBitsOfThisProcessor) {
+  // 40 x 30 pixels in cells of 2 x 2 take 600 kB at once, 250 kB in turns.
+  for (const char* bytes : {"500000", "300000"}) {
+    setenv("FAULTY_OPENCL_MEMORY", bytes, /*overwrite=*/1);
+    const auto device = OpenDevice(Options());
+    ASSERT_TRUE(device.ok()) << device.status();
+    EXPECT_TRUE(FiltersOn(*device->device));
+    ExpectExpected(Filter(filter::WithDevice(MakeTaskPool(1), device->device).get()));
+  }
+  EXPECT_TRUE(warnings_.empty());
+}
+
+TEST_F(Device, WhoseMemoryOthersUseTakesLess) {
+  for (const char* fault : {"clCreateBuffer:9:-4", "clEnqueueNDRangeKernel:9:-5"}) {
+    SCOPED_TRACE(fault);
+    setenv("FAULTY_OPENCL", fault, /*overwrite=*/1);
+    const auto device = OpenDevice(Options());
+    ASSERT_TRUE(device.ok()) << device.status();
+    EXPECT_TRUE(FiltersOn(*device->device));
+    ExpectExpected(Filter(filter::WithDevice(MakeTaskPool(1), device->device).get()));
+  }
+  EXPECT_TRUE(warnings_.empty());
+}
+
+TEST_F(Device, WithTooLittleMemoryLeavesWhatNeedsMoreWithOneWarning) {
+  setenv("FAULTY_OPENCL_MEMORY", "220000", /*overwrite=*/1);
+  const auto device = OpenDevice(Options());
+  ASSERT_TRUE(device.ok()) << device.status();
+  const auto pool = filter::WithDevice(MakeTaskPool(1), device->device);
+  for (int i = 0; i < 2; ++i) ExpectExpected(Filter(pool.get(), 80, 60));
+  EXPECT_THAT(warnings_,
+              ElementsAre(testing::AllOf(HasSubstr(" leaves what needs more memory to this processor: "),
+                                         HasSubstr("it has 0.2 MB of memory"))));
+  EXPECT_TRUE(FiltersOn(*device->device, 10, 10)) << "smaller pictures stay";
 }
 
 TEST_F(Device, ThatHangsIsLeftForTheProcessorWithinItsTime) {

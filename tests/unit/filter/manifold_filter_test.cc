@@ -7,7 +7,9 @@
 #include <memory>
 #include <random>
 
+#include "filter/manifold/manifold_device.h"
 #include "filter/manifold/manifold_tree.h"
+#include "filter/opencl/manifold_run.h"
 #include "is_finite.h"
 #include "tests/support/shuffling_pool.h"
 #include "tests/unit/filter/kernel_rows.h"
@@ -173,6 +175,30 @@ TEST(ManifoldFilter, SplatsPointsWithSignalsAsItsOracleDoes) {
       EXPECT_EQ(WorstDifference(fast.points.values, slow.points.values), 0.0) << samples << " " << reach;
       EXPECT_EQ(WorstDifference(fast.points.weights, slow.points.weights), 0.0) << samples << " " << reach;
       EXPECT_GT(WorstDifference(fast.filtered, before), 0.01) << "points count in the result of pixels";
+    }
+  }
+}
+
+TEST(ManifoldFilter, IsTheSameInAnyMemoryOfADevice) {
+  const ManifoldInput input = MakeManifoldInput(61, 43, 5, true, 19);
+  SlicePoints points = MakePoints(input, 2, 2);
+  AddSignals(3, &points);
+  for (const bool fits : {false, true}) {
+    for (const int height : {1, 2, 4}) {
+      const ManifoldParams params = {
+          .sigma_s = 7, .height = height, .cell = 4, .keeps_mass = true, .is_first_order = fits};
+      const ManifoldCall call = {input.signals, input.features, input.mask.view(), params, 16, &points};
+      const DeviceMemory least = LeastMemory(call);
+      const auto run = [&](const DeviceMemory& memory) {
+        return ManifoldFilterOracle(call.signals, call.features, call.mask, params, 16, &points, memory);
+      };
+      const ManifoldResult whole = run({});
+      for (const uint64_t percent : {100, 115, 140, 200}) {
+        const ManifoldResult small = run({least.whole * percent / 100, least.largest * percent / 100});
+        EXPECT_EQ(WorstDifference(whole.filtered, small.filtered), 0.0) << height << " " << percent;
+        EXPECT_EQ(whole.points.values, small.points.values);
+        EXPECT_EQ(whole.points.weights, small.points.weights);
+      }
     }
   }
 }

@@ -51,7 +51,7 @@ constexpr ulong kLeastSpread = std::bit_cast<ulong>(filter::kLeastSpread);
 
 class RunInCpp final : public KernelRun {
  public:
-  explicit RunInCpp(const KernelOptions& options) {
+  explicit RunInCpp(const KernelOptions& options, const DeviceMemory& memory = {}) : memory_(memory) {
     LUMIFOLD_CHECK(options.features <= kernels::MOST_FEATURES && options.planes() <= kernels::MOST_PLANES);
     kernels::FEATURES = options.features;
     kernels::CHANNELS = options.channels;
@@ -60,8 +60,14 @@ class RunInCpp final : public KernelRun {
   }
 
   Buffer Allocate(size_t bytes) override {
+    allocated_ += bytes;
+    LUMIFOLD_CHECK(memory_.Holds({allocated_, bytes}));
     buffers_.emplace_back(bytes, std::byte{0xff});  // NaN until it is written
     return static_cast<Buffer>(buffers_.size() - 1);
+  }
+  void Release(Buffer buffer) override {
+    allocated_ -= buffers_[static_cast<size_t>(buffer)].size();
+    buffers_[static_cast<size_t>(buffer)] = {};
   }
   void Write(Buffer to, size_t offset, const void* from, size_t bytes) override {
     if (bytes > 0) std::memcpy(MemoryOf(to) + offset, from, bytes);
@@ -98,6 +104,8 @@ class RunInCpp final : public KernelRun {
     }
   }
 
+  const DeviceMemory memory_;
+  uint64_t allocated_ = 0;
   std::vector<std::vector<std::byte>> buffers_;
 };
 
@@ -121,10 +129,11 @@ void RunInCpp::Run(const char* kernel, size_t items, std::initializer_list<Argum
 }  // namespace
 
 ManifoldResult ManifoldFilterOracle(const Planes& signals, const Planes& features, ConstFloatView mask,
-                                    const ManifoldParams& params, float reach, const SlicePoints* points) {
+                                    const ManifoldParams& params, float reach, const SlicePoints* points,
+                                    const DeviceMemory& memory) {
   const ManifoldCall call = {signals, features, mask, params, reach, points};
-  RunInCpp run(KernelsOf(call));
-  return *RunManifolds(call, &run);
+  RunInCpp run(KernelsOf(call), memory);
+  return *RunManifolds(call, memory, &run);
 }
 
 Planes ProjectPatchesOracle(const Planes& color, const PatchBasis& basis) {

@@ -3,13 +3,15 @@
 #include "filter/image/planes.h"
 #include "filter/layers/nlm_space.h"
 #include "filter/manifold/manifold_filter.h"
+#include "filter/opencl/kernel_run.h"
 
 namespace lumifold::filter {
 
 /// ManifoldFilterAtPoints by the kernels of filter/opencl/manifold.cl, compiled as C++ and run a work-item
-/// after another: the same bits.
+/// after another: the same bits. Checks that the device's memory holds what is allocated.
 ManifoldResult ManifoldFilterOracle(const Planes& signals, const Planes& features, ConstFloatView mask,
-                                    const ManifoldParams& params, float reach, const SlicePoints* points);
+                                    const ManifoldParams& params, float reach, const SlicePoints* points,
+                                    const DeviceMemory& memory = {});
 
 /// ProjectPatches by the kernel of projection.cl.
 Planes ProjectPatchesOracle(const Planes& color, const PatchBasis& basis);

@@ -48,7 +48,7 @@ class OpenCl : public testing::Test {
     if (found == devices->end()) GTEST_SKIP() << "of " << devices->size() << " devices, none gives the bits";
     const auto number = std::to_string(found - devices->begin());
     auto device = OpenFilterDevice({.word = "gpu:" + number},
-                                   [this](const std::string& line) { warnings_.push_back(line); });
+                                   [this](bool, const std::string& line) { warnings_.push_back(line); });
     ASSERT_TRUE(device.ok()) << device.status();
     pool_ = WithDevice(MakeTaskPool(2), device->device);
   }
@@ -152,6 +152,7 @@ TEST_F(OpenCl, GivesTheBitsOfThisProcessorForOtherMethods) {
 class LostDevice final : public Device {
  public:
   explicit LostDevice(int* calls) : calls_(*calls) {}
+  DeviceMemory Memory() const override { return {}; }
   absl::StatusOr<std::unique_ptr<KernelRun>> Begin(const KernelOptions&) override {
     ++calls_;
     return absl::ResourceExhaustedError("out of memory");
@@ -164,9 +165,10 @@ class LostDevice final : public Device {
 TEST(FilterDevice, IsLeftForTheProcessorWithOneWarningWhenItFails) {
   int calls = 0;
   std::vector<std::string> warnings;
-  const auto pool = WithDevice(
-      MakeTaskPool(2), MakeFilterDevice(std::make_unique<LostDevice>(&calls),
-                                        [&](const std::string& reason) { warnings.push_back(reason); }));
+  const auto pool =
+      WithDevice(MakeTaskPool(2),
+                 MakeFilterDevice(std::make_unique<LostDevice>(&calls),
+                                  [&](bool, const std::string& reason) { warnings.push_back(reason); }));
   const ManifoldInput input = MakeManifoldInput(40, 30, 3, true, 14);
   const auto run = [&](TaskPool* with) {
     return ManifoldFilter(input.signals, input.features, input.mask.view(), {}, with);
@@ -193,10 +195,10 @@ TEST(FilterDevice, IsNeverAProcessorUnlessItsNumberIsGiven) {
       devices.ok() && std::any_of(devices->begin(), devices->end(), [](const DeviceInfo& device) {
         return device.is_gpu && device.refusal.empty() && device.other_bits.empty();
       });
-  const auto found = OpenFilterDevice({.word = "auto"}, [](const std::string&) {});
+  const auto found = OpenFilterDevice({.word = "auto"}, [](bool, const std::string&) {});
   ASSERT_TRUE(found.ok()) << found.status();
   EXPECT_EQ(found->device != nullptr, has_gpu);
-  EXPECT_EQ(OpenFilterDevice({.word = "gpu"}, [](const std::string&) {}).ok(), has_gpu);
+  EXPECT_EQ(OpenFilterDevice({.word = "gpu"}, [](bool, const std::string&) {}).ok(), has_gpu);
   EXPECT_EQ(OpenFilterDevice({.word = "cpu"}, nullptr)->device, nullptr);
   EXPECT_FALSE(OpenFilterDevice({.word = "gpu:4000"}, nullptr).ok());
 }

@@ -9,6 +9,7 @@
 #include "filter/image/portable_math.h"
 #include "filter/layers/features.h"
 #include "filter/layers/filter_layers.h"
+#include "filter/layers/guide.h"
 #include "filter/layers/nlm_space.h"
 
 namespace lumifold::filter {
@@ -84,7 +85,8 @@ Planes CrossGuide(const Halves& halves, const Planes& mean, const Planes& geomet
                   TaskPool* pool) {
   if (sigma_q > 0) {
     const PatchBasis basis = FitPatchBasis(mean, halves.weight.view(), PatchParams{}, pool);
-    return JointFeatures(mean, basis, sigma_q * PositiveNoise(halves, pool), geometry, pool);
+    return JointFeatures(MakeJointGuide(Clone(mean), basis, sigma_q * PositiveNoise(halves, pool), geometry),
+                         pool);
   }
   return Clone(geometry);
 }

@@ -8,6 +8,7 @@
 #include "filter/image/edged_image.h"
 #include "filter/layers/features.h"
 #include "filter/layers/frame.h"
+#include "filter/layers/guide.h"
 #include "filter/layers/halves.h"
 #include "filter/layers/nlm_space.h"
 #include "filter/layers/product.h"
@@ -34,13 +35,13 @@ float RangeOfPatches(const Sigmas& sigmas, const Halves& halves, TaskPool* pool)
   return kTheirRange / kTheirWindow * halves.level;
 }
 
-/// The features of all pixels of a layer: NLM coordinates, then normal and depth.
-Planes GuideOf(const Halves& halves, const Planes& mean, const Planes& geometry, const Sigmas& sigmas,
-               TaskPool* pool) {
+/// The features of all pixels of a layer: NLM coordinates, then normal and depth; not the mirror's of a
+/// level.
+JointGuide GuideOf(const Halves& halves, const Planes& mean, const Planes& geometry, const Sigmas& sigmas,
+                   TaskPool* pool) {
   const PatchBasis basis = FitPatchBasis(mean, halves.weight.view(), kPatches, pool);
-  Planes guide = JointFeatures(mean, basis, RangeOfPatches(sigmas, halves, pool), geometry, pool);
-  guide.resize(static_cast<size_t>(basis.dimensions) + kGeometryFeatures);  // drops the mirror's of a level
-  return guide;
+  return MakeJointGuide(Clone(mean), basis, RangeOfPatches(sigmas, halves, pool),
+                        absl::MakeConstSpan(geometry).first(kGeometryFeatures));
 }
 
 /// The sub-samples of the edge pixels.
@@ -97,12 +98,13 @@ FilteredLayer Filtered(const Product& product, const Sigmas& sigmas, const SubPi
   const Halves halves = HalvesOf(product, pool);
   if (halves.level == 0) return BlackLayer(product);
   const Planes mean = Combine(halves.a, halves.b, halves.share_a.view(), pool);
-  const Planes guide = GuideOf(halves, mean, product.geometry, sigmas, pool);
+  const JointGuide guide = GuideOf(halves, mean, product.geometry, sigmas, pool);
   ManifoldParams params;
   params.sigma_s = sigmas.reach_px;
   params.height = TreeHeight(sigmas.reach_px, kTheirRange, /*has_patches=*/true);
-  ManifoldResult result = ManifoldFilterAtPoints(mean, guide, halves.weight.view(), params, params.sigma_s,
-                                                 sub_pixels != nullptr ? &sub_pixels->points : nullptr, pool);
+  const GuidedFiltering filtering = {mean, guide, 1, halves.weight.view(),
+                                     sub_pixels != nullptr ? &sub_pixels->points : nullptr};
+  ManifoldResult result = std::move(FilterGuided({&filtering, 1}, params, params.sigma_s, pool).front());
   RestoreUnits(product, halves.scale, pool, &result.filtered);
   if (sub_pixels != nullptr) AverageSubPixels(*sub_pixels, result.points, halves.scale, &result.filtered);
   return SameForBothHalves(std::move(result.filtered));

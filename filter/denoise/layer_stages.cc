@@ -68,20 +68,32 @@ void SetMixedPixels(const LayerFragments& fragments, size_t h, Half* half) {
   }
 }
 
-/// Filters what `base`, if not null, leaves of half `h`, and adds it to the base: twicing.
-Half FilterHalf(const LayerState& state, size_t h, const Planes& features, const ManifoldParams& manifolds,
-                float reach_px, const Candidate* base) {
+/// What is filtered of half h: all of it, or what a base leaves of it.
+struct HalfInput {
+  Planes rest;  // of the base; empty: there is none
+  SlicePoints points;
+};
+
+HalfInput InputOf(const LayerState& state, size_t h, const Candidate* base) {
+  HalfInput input;
+  if (base != nullptr) input.rest = Difference(HalfOf(state.halves, h), HalfOf(*base, h), state.pool);
+  std::vector<float> light = state.fragments.light[h];
+  for (size_t i = 0; base != nullptr && i < light.size(); ++i) light[i] -= base->points[h][i];
+  input.points = PointsOf(state.fragments, state.settings.mixed_range, h, std::move(light));
+  return input;
+}
+
+GuidedFiltering FilteringOf(const LayerState& state, size_t h, const HalfInput& input,
+                            const JointGuides& guides, float scale) {
+  return {input.rest.empty() ? HalfOf(state.halves, h) : input.rest, h == 0 ? guides.b : guides.a, scale,
+          WeightOf(state.halves, h).view(), state.fragments.IsEmpty() ? nullptr : &input.points};
+}
+
+/// The half of a candidate. Adds the base: twicing.
+Half HalfFrom(const LayerState& state, size_t h, const HalfInput& input, const Candidate* base,
+              ManifoldResult result) {
   const LayerFragments& fragments = state.fragments;
-  const Planes& light = HalfOf(state.halves, h);
-  const Planes rest = base != nullptr ? Difference(light, HalfOf(*base, h), state.pool) : Planes{};
-  std::vector<float> rest_at_points = fragments.light[h];
-  for (size_t i = 0; base != nullptr && i < rest_at_points.size(); ++i)
-    rest_at_points[i] -= base->points[h][i];
-  const SlicePoints points = PointsOf(fragments, state.settings.mixed_range, h, std::move(rest_at_points));
-  ManifoldResult result =
-      ManifoldFilterAtPoints(base != nullptr ? rest : light, features, WeightOf(state.halves, h).view(),
-                             manifolds, reach_px, fragments.IsEmpty() ? nullptr : &points, state.pool);
-  if (!fragments.IsEmpty()) KeepLostPoints(points, &result.points);
+  if (!fragments.IsEmpty()) KeepLostPoints(input.points, &result.points);
   Half half{std::move(result.filtered), std::move(result.points.values)};
   if (base != nullptr) {
     AddPlanes(HalfOf(*base, h), state.pool, absl::MakeSpan(half.planes));
@@ -120,45 +132,46 @@ void RunFireflies(LayerState* state) {
   state->missing = TakeMissing(state->product, state->fragments, halves.scale, state->pool, &state->removed);
 }
 
+/// Filters both halves, each guided by the other, with coordinates of patches of each scale: a candidate for
+/// each. With a base: what it leaves.
+std::vector<Candidate> FilterHalves(const LayerState& state, const JointGuides& guides,
+                                    const std::vector<float>& scales, const ManifoldParams& manifolds,
+                                    const Candidate* base) {
+  const std::array<HalfInput, 2> inputs = {InputOf(state, 0, base), InputOf(state, 1, base)};
+  std::vector<GuidedFiltering> filterings;
+  for (size_t h = 0; h < 2; ++h) {
+    for (const float scale : scales) filterings.push_back(FilteringOf(state, h, inputs[h], guides, scale));
+  }
+  std::vector<ManifoldResult> results =
+      FilterGuided(filterings, manifolds, state.settings.reach_px, state.pool);
+  std::vector<Candidate> candidates;
+  for (size_t i = 0; i < scales.size(); ++i)
+    candidates.push_back(Pair(HalfFrom(state, 0, inputs[0], base, std::move(results[i])),
+                              HalfFrom(state, 1, inputs[1], base, std::move(results[scales.size() + i]))));
+  return candidates;
+}
+
 void RunFirstFiltering(LayerState* state) {
   const LayerSettings& settings = state->settings;
   Guide guide = MakeGuide(state->halves, state->halves.a, state->halves.b, settings.knee, state->pool);
   state->guide_noise = NoiseOfHalf(state->halves, guide, state->pool);
-  FeaturePair features =
-      MakeFeatures(std::move(guide), state->halves, settings.patches,
-                   settings.range_factor * state->guide_noise, state->geometry, state->pool);
-  Half a = FilterHalf(*state, 0, features.b, settings.first_manifolds, settings.reach_px, nullptr);
-  features.b.clear();  // first filterings need the most memory of all
-  Half b = FilterHalf(*state, 1, features.a, settings.first_manifolds, settings.reach_px, nullptr);
-  state->candidates.push_back(Pair(std::move(a), std::move(b)));
-}
-
-/// Multiplies the coordinates of patches, which come before the geometry.
-void ScalePatches(float by, size_t geometry, TaskPool* pool, Planes* features) {
-  for (size_t k = 0; k + geometry < features->size(); ++k) {
-    Plane& plane = (*features)[k];
-    ForEachPixel(pool, plane.width(), plane.height(), [&](int x, int y) { plane.At(x, y) *= by; });
-  }
+  const JointGuides guides =
+      MakeJointGuides(std::move(guide), state->halves, settings.patches,
+                      settings.range_factor * state->guide_noise, state->geometry, state->pool);
+  state->candidates = FilterHalves(*state, guides, {1}, settings.first_manifolds, nullptr);
 }
 
 void RunSecondFilterings(LayerState* state) {
   const LayerSettings& settings = state->settings;
   const Candidate& first = state->candidates.front();
-  float range = settings.twicing_ranges.front();
-  FeaturePair features =
-      MakeFeatures(MakeGuide(state->halves, first.a, first.b, settings.knee, state->pool), state->halves,
-                   settings.second_patches, range * state->guide_noise, state->geometry, state->pool);
-  for (const float next : settings.twicing_ranges) {
-    if (next != range) {
-      for (Planes* half : {&features.a, &features.b})
-        ScalePatches(range / next, state->geometry.size(), state->pool, half);
-      range = next;
-    }
-    const Candidate& base = state->candidates.front();
-    Half a = FilterHalf(*state, 0, features.b, settings.twicing_manifolds, settings.reach_px, &base);
-    Half b = FilterHalf(*state, 1, features.a, settings.twicing_manifolds, settings.reach_px, &base);
-    state->candidates.push_back(Pair(std::move(a), std::move(b)));
-  }
+  const float widest = settings.twicing_ranges.front();
+  const JointGuides guides =
+      MakeJointGuides(MakeGuide(state->halves, first.a, first.b, settings.knee, state->pool), state->halves,
+                      settings.second_patches, widest * state->guide_noise, state->geometry, state->pool);
+  std::vector<float> scales;
+  for (const float range : settings.twicing_ranges) scales.push_back(widest / range);
+  for (Candidate& candidate : FilterHalves(*state, guides, scales, settings.twicing_manifolds, &first))
+    state->candidates.push_back(std::move(candidate));
 }
 
 void RunFireflyEnergy(LayerState* state) {

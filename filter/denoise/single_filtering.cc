@@ -1,6 +1,8 @@
 #include "filter/denoise/single_filtering.h"
 
-#include "filter/layers/features.h"
+#include <utility>
+
+#include "filter/layers/guide.h"
 
 namespace lumifold::filter {
 
@@ -8,10 +10,10 @@ ManifoldResult FilterSingle(const Halves& halves, const Planes& mean, const Plan
                             const LayerSettings& settings, const SlicePoints* points, TaskPool* pool) {
   const SingleFilteringParams& params = settings.single;
   const PatchBasis basis = FitPatchBasis(mean, halves.weight.view(), settings.patches, pool);
-  const Planes features =
-      JointFeatures(mean, basis, params.range_factor * PositiveNoise(halves, pool), geometry, pool);
-  return ManifoldFilterAtPoints(mean, features, halves.weight.view(), params.manifolds,
-                                params.manifolds.sigma_s, points, pool);
+  const JointGuide guide =
+      MakeJointGuide(Clone(mean), basis, params.range_factor * PositiveNoise(halves, pool), geometry);
+  const GuidedFiltering filtering = {mean, guide, 1, halves.weight.view(), points};
+  return std::move(FilterGuided({&filtering, 1}, params.manifolds, params.manifolds.sigma_s, pool).front());
 }
 
 }  // namespace lumifold::filter

@@ -52,18 +52,4 @@ Planes Stabilise(const Planes& color, float knee, float origin, TaskPool* pool) 
   return stable;
 }
 
-Planes JointFeatures(const Planes& color, const PatchBasis& basis, float sigma_q, const Planes& geometry,
-                     TaskPool* pool) {
-  PatchBasis scaled = basis;
-  for (float& tap : scaled.kernels) tap /= sigma_q;
-  Planes features = ProjectPatches(color, scaled, pool);
-  const size_t patches = features.size();
-  features.resize(patches + geometry.size());
-  ParallelFor(pool, static_cast<int64_t>(geometry.size()), [&](int64_t i) {
-    const size_t k = static_cast<size_t>(i);
-    features[patches + k] = geometry[k].Clone();
-  });
-  return features;
-}
-
 }  // namespace lumifold::filter

@@ -4,7 +4,6 @@
 
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
-#include "filter/layers/nlm_space.h"
 
 namespace lumifold::filter {
 
@@ -42,9 +41,5 @@ void AppendFeature(ConstFloatView value, float sigma, ConstFloatView validity, P
 /// and bright. knee > 0; subtracting that of `origin`, a typical value, keeps numbers small, which round
 /// less.
 Planes Stabilise(const Planes& color, float knee, float origin, TaskPool* pool);
-
-/// u = [NLM coordinates of `color` / sigma_q | geometry].
-Planes JointFeatures(const Planes& color, const PatchBasis& basis, float sigma_q, const Planes& geometry,
-                     TaskPool* pool);
 
 }  // namespace lumifold::filter

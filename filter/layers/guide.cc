@@ -1,11 +1,46 @@
 #include "filter/layers/guide.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "filter/layers/features.h"
+#include "filter/manifold/manifold_device.h"
 
 namespace lumifold::filter {
+namespace {
+
+/// nullopt: the processor filters.
+std::optional<std::vector<ManifoldResult>> FilterOnDevice(absl::Span<const GuidedFiltering> filterings,
+                                                          const ManifoldParams& params, float reach,
+                                                          TaskPool* pool) {
+  ManifoldDevice* const device = DeviceOf(pool);
+  if (device == nullptr) return std::nullopt;
+  std::vector<ManifoldCall> calls;
+  for (const GuidedFiltering& filtering : filterings) {
+    const JointGuide& guide = filtering.guide;
+    if (filtering.mask.width() == 0 || filtering.mask.height() == 0) return std::nullopt;
+    calls.push_back({ViewsOf(filtering.signals),
+                     {ViewsOf(guide.color), guide.basis.radius, guide.basis.dimensions, guide.basis.kernels,
+                      filtering.scale},
+                     ViewsOf(guide.geometry),
+                     filtering.mask,
+                     params,
+                     reach,
+                     filtering.points});
+  }
+  return device->Filter(calls);
+}
+
+/// Multiplies the coordinates of patches, which come before the geometry.
+void ScalePatches(float by, size_t geometry, TaskPool* pool, Planes* features) {
+  for (size_t k = 0; k + geometry < features->size(); ++k) {
+    Plane& plane = (*features)[k];
+    ForEachPixel(pool, plane.width(), plane.height(), [&](int x, int y) { plane.At(x, y) *= by; });
+  }
+}
+
+}  // namespace
 
 Guide MakeGuide(const Halves& halves, const Planes& a, const Planes& b, float knee, TaskPool* pool) {
   return {Stabilise(a, knee * halves.level, halves.level, pool),
@@ -18,13 +53,46 @@ float NoiseOfHalf(const Halves& halves, const Guide& guide, TaskPool* pool) {
   return std::max(kHalfOverMean * NoiseLevel(halves, guide.a, guide.b, pool), kLeast);
 }
 
-FeaturePair MakeFeatures(Guide&& from, const Halves& halves, const PatchParams& patches, float sigma_q,
-                         const Planes& geometry, TaskPool* pool) {
-  const Guide guide = std::move(from);
+JointGuide MakeJointGuide(Planes color, const PatchBasis& basis, float sigma_q,
+                          absl::Span<const Plane> geometry) {
+  JointGuide guide = {std::move(color), basis, geometry};
+  for (float& tap : guide.basis.kernels) tap /= sigma_q;
+  return guide;
+}
+
+JointGuides MakeJointGuides(Guide guide, const Halves& halves, const PatchParams& patches, float sigma_q,
+                            absl::Span<const Plane> geometry, TaskPool* pool) {
   const Planes mean = Combine(guide.a, guide.b, halves.share_a.view(), pool);
   const PatchBasis basis = FitPatchBasis(mean, halves.weight.view(), patches, pool);
-  return {JointFeatures(guide.a, basis, sigma_q, geometry, pool),
-          JointFeatures(guide.b, basis, sigma_q, geometry, pool)};
+  return {MakeJointGuide(std::move(guide.a), basis, sigma_q, geometry),
+          MakeJointGuide(std::move(guide.b), basis, sigma_q, geometry)};
+}
+
+Planes JointFeatures(const JointGuide& guide, TaskPool* pool) {
+  Planes features = ProjectPatches(guide.color, guide.basis, pool);
+  for (const Plane& plane : guide.geometry) features.push_back(plane.Clone());
+  return features;
+}
+
+std::vector<ManifoldResult> FilterGuided(absl::Span<const GuidedFiltering> filterings,
+                                         const ManifoldParams& params, float reach, TaskPool* pool) {
+  if (auto results = FilterOnDevice(filterings, params, reach, pool)) return *std::move(results);
+  std::vector<ManifoldResult> results;
+  const JointGuide* guide = nullptr;
+  float scale = 1;
+  Planes features;
+  for (const GuidedFiltering& filtering : filterings) {
+    if (&filtering.guide != guide || scale != 1) {
+      features.clear();  // two guides' would need the most memory of all
+      guide = &filtering.guide;
+      features = JointFeatures(*guide, pool);
+    }
+    scale = filtering.scale;
+    if (scale != 1) ScalePatches(scale, guide->geometry.size(), pool, &features);
+    results.push_back(ManifoldFilterAtPoints(filtering.signals, features, filtering.mask, params, reach,
+                                             filtering.points, pool));
+  }
+  return results;
 }
 
 }  // namespace lumifold::filter

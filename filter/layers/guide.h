@@ -1,9 +1,13 @@
 #pragma once
 
+#include <vector>
+
+#include "absl/types/span.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/layers/halves.h"
 #include "filter/layers/nlm_space.h"
+#include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {
 
@@ -19,16 +23,43 @@ Guide MakeGuide(const Halves& halves, const Planes& a, const Planes& b, float kn
 /// RMS noise of one half of the guide; noise-free layers count as having a little, so that no range is 0.
 float NoiseOfHalf(const Halves& halves, const Guide& guide, TaskPool* pool);
 
-/// Feature vectors of both halves.
-struct FeaturePair {
-  Planes a;
-  Planes b;
+/// Features of a picture, [NLM coordinates | geometry], of which the coordinates are projected where a filter
+/// needs them.
+struct JointGuide {
+  Planes color;
+  PatchBasis basis;  // its kernels over sigma_q
+  absl::Span<const Plane> geometry;
+};
+JointGuide MakeJointGuide(Planes color, const PatchBasis& basis, float sigma_q,
+                          absl::Span<const Plane> geometry);
+
+/// The features, projected.
+Planes JointFeatures(const JointGuide& guide, TaskPool* pool);
+
+/// Of both halves.
+struct JointGuides {
+  JointGuide a;
+  JointGuide b;
 };
 
-/// [NLM coordinates of each half / sigma_q | geometry] in one basis for both. Consumes the guide: its planes
-/// are freed before the manifolds need memory.
+/// In one basis for both.
 /// Threads: identical for any pool.
-FeaturePair MakeFeatures(Guide&& from, const Halves& halves, const PatchParams& patches, float sigma_q,
-                         const Planes& geometry, TaskPool* pool);
+JointGuides MakeJointGuides(Guide guide, const Halves& halves, const PatchParams& patches, float sigma_q,
+                            absl::Span<const Plane> geometry, TaskPool* pool);
+
+/// A filtering of a picture by the features of a guide.
+struct GuidedFiltering {
+  const Planes& signals;
+  const JointGuide& guide;
+  float scale;  // that the coordinates of patches are multiplied by
+  ConstFloatView mask;
+  const SlicePoints* points;  // may be null
+};
+
+/// ManifoldFilterAtPoints for each; the device of the pool, if it has one, does all together. Those of one
+/// guide come one after another, those of scale 1 first.
+/// Threads: identical for any pool.
+std::vector<ManifoldResult> FilterGuided(absl::Span<const GuidedFiltering> filterings,
+                                         const ManifoldParams& params, float reach, TaskPool* pool);
 
 }  // namespace lumifold::filter

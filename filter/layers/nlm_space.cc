@@ -8,7 +8,6 @@
 
 #include "filter/image/portable_math.h"
 #include "filter/kernels/row_kernels.h"
-#include "filter/manifold/manifold_device.h"
 
 namespace lumifold::filter {
 namespace {
@@ -155,10 +154,6 @@ Planes ProjectPatches(const Planes& color, const PatchBasis& basis, TaskPool* po
   const int width = color[0].width();
   const int height = color[0].height();
   const int side = 2 * basis.radius + 1;
-  if (ManifoldDevice* const device = width > 0 && height > 0 ? DeviceOf(pool) : nullptr) {
-    if (auto planes = device->Project({color, basis.radius, basis.dimensions, basis.kernels}))
-      return *std::move(planes);
-  }
   Planes padded(color.size());
   ParallelFor(pool, static_cast<int64_t>(color.size()), [&](int64_t i) {
     padded[static_cast<size_t>(i)] = Padded(color[static_cast<size_t>(i)], basis.radius);

@@ -39,7 +39,7 @@ PatchBasis FitPatchBasis(const Planes& color, ConstFloatView mask, const PatchPa
 /// Shapes:  result: `basis.dimensions` planes.
 /// Units:   those of `color`.
 /// Edges:   clamped.
-/// Threads: identical for any pool; the device of the pool, if it has one, does the work.
+/// Threads: identical for any pool.
 Planes ProjectPatches(const Planes& color, const PatchBasis& basis, TaskPool* pool);
 
 }  // namespace lumifold::filter

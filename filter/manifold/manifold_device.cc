@@ -21,6 +21,12 @@ class PoolWithDevice final : public TaskPool {
 
 }  // namespace
 
+PlaneViews ViewsOf(absl::Span<const Plane> planes) {
+  PlaneViews views;
+  for (const Plane& plane : planes) views.push_back(plane.view());
+  return views;
+}
+
 std::unique_ptr<TaskPool> WithDevice(std::unique_ptr<TaskPool> pool, std::shared_ptr<ManifoldDevice> device) {
   if (device == nullptr) return pool;
   return std::make_unique<PoolWithDevice>(std::move(pool), std::move(device));

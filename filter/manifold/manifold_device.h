@@ -5,32 +5,41 @@
 #include <string>
 #include <vector>
 
+#include "absl/types/span.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {
 
+/// Views of planes, which stay the caller's.
+using PlaneViews = std::vector<ConstFloatView>;
+PlaneViews ViewsOf(absl::Span<const Plane> planes);
+
+/// Coordinates of patches that are still to be projected, as ProjectPatches does (filter/layers/nlm_space.h).
+struct PatchProjection {
+  PlaneViews color;
+  int radius = 0;
+  int dimensions = 0;  // 0: there are none
+  absl::Span<const float> taps;
+  float scale = 1;  // that the coordinates are multiplied by
+};
+
 /// What ManifoldFilterAtPoints takes. The picture has pixels, and the rest is as it asks for.
 struct ManifoldCall {
-  const Planes& signals;
-  const Planes& features;
+  PlaneViews signals;
+  PatchProjection patches;  // the first features
+  PlaneViews features;      // the others
   ConstFloatView mask;
   const ManifoldParams& params;
   float reach;
   const SlicePoints* points;  // may be null
+
+  size_t FeatureCount() const { return static_cast<size_t>(patches.dimensions) + features.size(); }
 };
 
-/// What ProjectPatches takes (filter/layers/nlm_space.h): a picture that has pixels, and a basis.
-struct ProjectionCall {
-  const Planes& color;
-  int radius;
-  int dimensions;
-  const std::vector<float>& taps;
-};
-
-/// A processor beside this machine's own. ManifoldFilterAtPoints and ProjectPatches use the one that their
-/// pool has.
+/// A processor beside this machine's own. ManifoldFilterAtPoints and FilterGuided (filter/layers/guide.h) use
+/// the one that their pool has.
 /// Threads: safe concurrently.
 class ManifoldDevice {
  public:
@@ -39,10 +48,9 @@ class ManifoldDevice {
   /// A name for its bits where they are not the processor's; empty: they are.
   virtual std::string OtherBits() const = 0;
 
-  /// The result of ManifoldFilterAtPoints; nullopt: the device cannot, and the processor does it.
-  virtual std::optional<ManifoldResult> Filter(const ManifoldCall& call) = 0;
-  /// The same of ProjectPatches.
-  virtual std::optional<Planes> Project(const ProjectionCall& call) = 0;
+  /// The results of calls of one size, with the same numbers of planes and parameters. What calls share goes
+  /// to the device once. nullopt: the device cannot, and the processor does it.
+  virtual std::optional<std::vector<ManifoldResult>> Filter(absl::Span<const ManifoldCall> calls) = 0;
 };
 
 /// `pool` with a device; `device` may be null.

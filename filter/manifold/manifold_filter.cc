@@ -264,8 +264,8 @@ ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& featu
   if (mask.width() == 0 || mask.height() == 0)
     return {MakePlanes(signals.size(), mask.width(), mask.height()), {}};
   if (ManifoldDevice* const device = DeviceOf(pool)) {
-    if (auto result = device->Filter({signals, features, mask, params, reach, points}))
-      return *std::move(result);
+    const ManifoldCall call = {ViewsOf(signals), {}, ViewsOf(features), mask, params, reach, points};
+    if (auto results = device->Filter({&call, 1})) return std::move(results->front());
   }
   return Filter(signals, features, mask, params, reach, points, pool).Run();
 }

@@ -131,6 +131,13 @@ class OpenClRun final : public KernelRun {
          "clEnqueueWriteBuffer");
   }
 
+  void Copy(Buffer from, Buffer to, size_t to_offset, size_t bytes) override {
+    if (!status_.ok() || bytes == 0) return;
+    Note(cl_.clEnqueueCopyBuffer(queue_, MemoryOf(from), MemoryOf(to), 0, to_offset, bytes, 0, nullptr,
+                                 nullptr),
+         "clEnqueueCopyBuffer");
+  }
+
   void Run(const char* kernel, size_t items, std::initializer_list<Argument> arguments) override {
     if (!status_.ok() || items == 0) return;
     cl_int error = CL_SUCCESS;
@@ -183,8 +190,8 @@ class OpenClRun final : public KernelRun {
   absl::Status status_;
 };
 
-/// Runs the kernels Probe and, of the programs that have it, ProbeReals, and compares with this processor.
-absl::Status CheckBits(Kernels kernels, KernelRun* run) {
+/// Runs the kernels Probe and ProbeReals, and compares with this processor.
+absl::Status CheckBits(KernelRun* run) {
   constexpr int32_t kPairs = 4096;
   std::vector<float> a, b;
   for (uint32_t i = 0; i < kPairs; ++i) {  // from 2^-15 to 2^16, all bits of the mantissa
@@ -210,14 +217,10 @@ absl::Status CheckBits(Kernels kernels, KernelRun* run) {
   run->Write(device_a, 0, a.data(), pair_bytes);
   run->Write(device_b, 0, b.data(), pair_bytes);
   run->Run("Probe", kPairs, {kPairs, device_a, device_b, device_singles});
-  if (kernels == Kernels::kManifold)
-    run->Run("ProbeReals", kPairs, {kPairs, device_a, device_b, device_doubles});
-  else
-    found_doubles = doubles;
+  run->Run("ProbeReals", kPairs, {kPairs, device_a, device_b, device_doubles});
   absl::Status status = run->Finish();
   if (status.ok()) status = run->Read(device_singles, 0, single_bytes, found_singles.data());
-  if (status.ok() && kernels == Kernels::kManifold)
-    status = run->Read(device_doubles, 0, double_bytes, found_doubles.data());
+  if (status.ok()) status = run->Read(device_doubles, 0, double_bytes, found_doubles.data());
   if (!status.ok()) return status;
   if (std::memcmp(singles.data(), found_singles.data(), single_bytes) == 0 &&
       std::memcmp(doubles.data(), found_doubles.data(), double_bytes) == 0)
@@ -254,7 +257,7 @@ class OpenClDevice final : public Device {
       absl::StatusOr<Held<cl_program>> program = Build(options);
       if (!program.ok()) return program.status();
       OpenClRun probe(cl_, context_.get(), queue_.get(), program->get());
-      const absl::Status status = has_own_bits_ ? CheckBits(options.kernels, &probe) : absl::OkStatus();
+      const absl::Status status = has_own_bits_ ? CheckBits(&probe) : absl::OkStatus();
       if (!status.ok()) return status;
       found = programs_.emplace(options, *std::move(program)).first;
     }
@@ -263,11 +266,8 @@ class OpenClDevice final : public Device {
 
  private:
   absl::StatusOr<Held<cl_program>> Build(const KernelOptions& options) const {
-    std::vector<const char*> sources = {kProbeKernels};
-    if (options.kernels == Kernels::kProjection)
-      sources.push_back(kProjectionKernels);
-    else
-      sources.insert(sources.end(), {kManifoldKernels, kCovarianceKernels});
+    std::array<const char*, 4> sources = {kProbeKernels, kManifoldKernels, kCovarianceKernels,
+                                          kProjectionKernels};
     cl_int error = CL_SUCCESS;
     Held<cl_program> program(
         cl_.clCreateProgramWithSource(context_.get(), static_cast<cl_uint>(sources.size()), sources.data(),

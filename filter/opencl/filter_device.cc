@@ -14,7 +14,6 @@
 #include "absl/strings/str_format.h"
 #include "filter/opencl/device.h"
 #include "filter/opencl/manifold_run.h"
-#include "filter/opencl/projection_run.h"
 
 namespace lumifold::filter {
 namespace {
@@ -33,39 +32,23 @@ class FilterDevice final : public ManifoldDevice {
 
   std::string OtherBits() const override { return other_bits_; }
 
-  std::optional<ManifoldResult> Filter(const ManifoldCall& call) override {
-    return Run(
-        KernelsOf(call), LeastMemory(call), [&] { return TakenMemory(call, memory_); },
-        [&](KernelRun* run) { return RunManifolds(call, memory_, run); });
-  }
-  std::optional<Planes> Project(const ProjectionCall& call) override {
-    const DeviceMemory need = MemoryOf(call);
-    return Run(
-        {.kernels = Kernels::kProjection}, need, [&] { return need; },
-        [&call](KernelRun* run) { return RunProjection(call, run); });
-  }
-
- private:
-  /// What `work` makes with the kernels, which takes taken() of the memory; nullopt once the device has
-  /// failed, and where it has not the `least` memory.
-  template <typename Taken, typename Work>
-  auto Run(const KernelOptions& kernels, const DeviceMemory& least, const Taken& taken, const Work& work)
-      -> std::optional<typename decltype(work(nullptr))::value_type> {
+  std::optional<std::vector<ManifoldResult>> Filter(absl::Span<const ManifoldCall> calls) override {
+    const DeviceMemory least = LeastMemory(calls);
     const std::lock_guard lock(mutex_);
     while (!has_failed_) {
       if (!memory_.Holds(least)) {
         Leave(least);
         return std::nullopt;
       }
-      const absl::StatusOr<std::unique_ptr<KernelRun>> run = device_->Begin(kernels);
+      const absl::StatusOr<std::unique_ptr<KernelRun>> run = device_->Begin(KernelsOf(calls.front()));
       absl::Status status = run.status();
       if (run.ok()) {
-        auto result = work(run->get());
-        if (result.ok()) return *std::move(result);
-        status = result.status();
+        absl::StatusOr<std::vector<ManifoldResult>> results = RunManifolds(calls, memory_, run->get());
+        if (results.ok()) return *std::move(results);
+        status = results.status();
       }
       if (run.ok() && absl::IsResourceExhausted(status)) {
-        memory_.whole = taken().whole / 4 * 3;  // others use the rest
+        memory_.whole = TakenMemory(calls, memory_).whole / 4 * 3;  // others use the rest
         continue;
       }
       has_failed_ = true;
@@ -74,6 +57,7 @@ class FilterDevice final : public ManifoldDevice {
     return std::nullopt;
   }
 
+ private:
   void Leave(const DeviceMemory& least) {
     if (std::exchange(has_left_, true)) return;
     constexpr double kMega = 1e6;

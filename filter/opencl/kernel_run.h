@@ -10,19 +10,12 @@
 
 namespace lumifold::filter {
 
-/// Programs; probe.cl is the first part of each.
-enum class Kernels {
-  kManifold,    // manifold.cl and covariance.cl
-  kProjection,  // projection.cl, which is made for anything
-};
-
 /// What the kernels of a program are made for.
 struct KernelOptions {
   int features = 1;
   int channels = 3;   // of the signals
   bool fits = false;  // planes: ManifoldParams::is_first_order
   int step = 1;       // side of a cell, pixels
-  Kernels kernels = Kernels::kManifold;
 
   /// Signals that are splatted and then sliced, with the weight.
   int planes() const { return fits ? 15 : channels + 1; }
@@ -59,6 +52,8 @@ class KernelRun {
   virtual void Release(Buffer buffer) = 0;
   /// `from` may change after the call.
   virtual void Write(Buffer to, size_t offset, const void* from, size_t bytes) = 0;
+  /// Within the device.
+  virtual void Copy(Buffer from, Buffer to, size_t to_offset, size_t bytes) = 0;
   /// Runs `items` work-items of a kernel.
   virtual void Run(const char* kernel, size_t items, std::initializer_list<Argument> arguments) = 0;
   /// Waits for all work.

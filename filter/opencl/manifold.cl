@@ -127,6 +127,28 @@ float CellSum(const float* masses, const float* values) {
   return sum;
 }
 
+// --- What sites have -------------------------------------------------------------------------------------------------------
+
+__kernel void Clear(int count, __global float* values) {
+  const size_t item = get_global_id(0);
+  if (item < (size_t)count) values[item] = 0.0f;
+}
+
+// The first `shared` features of points are their pixels'.
+__kernel void ShareFeatures(Grid grid, int shared, __global const int* places, __global float* features) {
+  const size_t item = get_global_id(0);
+  if (item >= (size_t)shared * grid.points) return;
+  const size_t point = item % grid.points;
+  __global float* plane = features + item / grid.points * SitesOf(grid);
+  plane[PixelsOf(grid) + point] = plane[(size_t)places[2 * point + 1] * grid.width + places[2 * point]];
+}
+
+// Pixels for which their points stand weigh nothing themselves.
+__kernel void Replace(int count, __global const int* pixels, __global float* masses) {
+  const size_t item = get_global_id(0);
+  if (item < (size_t)count) masses[pixels[item]] = 0.0f;
+}
+
 // --- The tree of manifolds -------------------------------------------------------------------------------------------------
 
 // Of `clusters` clusters from `first` on in each cell, the means of mass * feature and of mass. The root: labels are 0, masses the

@@ -6,9 +6,11 @@
 #include <utility>
 #include <vector>
 
+#include "filter/image/check.h"
 #include "filter/image/portable_math.h"
 #include "filter/kernels/kernel_constants.h"
 #include "filter/manifold/manifold_constants.h"
+#include "filter/opencl/device_planes.h"
 #include "filter/opencl/memory_plan.h"
 
 namespace lumifold::filter {
@@ -18,68 +20,72 @@ using Buffer = KernelRun::Buffer;
 
 int32_t Int(size_t count) { return static_cast<int32_t>(count); }
 
-/// One filtering; its work is in the order of the members.
+/// One filtering; its work is in the order of the members. Leaves no memory behind.
 class ManifoldRun {
  public:
-  ManifoldRun(const ManifoldCall& call, const DeviceMemory& memory, KernelRun* run)
-      : call_(call),
-        run_(*run),
-        sizes_(call),
-        options_(sizes_.options),
-        grid_(sizes_.grid),
-        pixels_(sizes_.pixels),
-        cells_(sizes_.cells),
-        plan_(PlanFor(memory, sizes_)) {}
+  ManifoldRun(const ManifoldCall& call, const DeviceMemory& memory, DevicePlanes* planes, KernelRun* run)
+      : call_(call), run_(*run), from_(*planes), sizes_(call), plan_(PlanFor(memory, sizes_)) {}
+  ManifoldRun(const ManifoldRun&) = delete;
+  ManifoldRun& operator=(const ManifoldRun&) = delete;
+  ~ManifoldRun() {
+    for (const Buffer buffer : own_) run_.Release(buffer);
+  }
 
   absl::StatusOr<ManifoldResult> Run() {
     UploadFeatures();
-    GrowTree();
     // What is released counts until its work has ended.
     if (absl::Status status = run_.Finish(); !status.ok()) return status;
+    GrowTree();
+    if (absl::Status status = run_.Finish(); !status.ok()) return status;
     UploadSignals();
-    SplatBlurSlice(SplatMasks());
+    WeighSites();
+    SplatBlurSlice();
     if (absl::Status status = run_.Finish(); !status.ok()) return status;
     return Results();
   }
 
  private:
-  size_t Features() const { return static_cast<size_t>(options_.features); }
-  size_t Planes() const { return static_cast<size_t>(options_.planes()); }
+  size_t Features() const { return static_cast<size_t>(sizes_.options.features); }
+  size_t Planes() const { return static_cast<size_t>(sizes_.options.planes()); }
   /// No points where the call has none.
-  static const SlicePoints& PointsOf(const ManifoldCall& call) {
+  const SlicePoints& Points() const {
     static const SlicePoints none;
-    return call.points != nullptr ? *call.points : none;
+    return call_.points != nullptr ? *call_.points : none;
   }
-  const SlicePoints& Points() const { return PointsOf(call_); }
-  size_t Sites() const { return sizes_.sites; }
+  size_t Rows() const { return static_cast<size_t>(sizes_.grid.rows); }
+  size_t Columns() const { return static_cast<size_t>(sizes_.grid.columns); }
+  size_t PixelAt(const std::array<int, 2>& place) const {
+    return static_cast<size_t>(place[1]) * static_cast<size_t>(sizes_.grid.width) +
+           static_cast<size_t>(place[0]);
+  }
   /// Whether all manifolds take one turn.
   bool IsWhole() const { return plan_.manifolds == sizes_.manifolds; }
-  float InCells(float sigma) const { return sigma / static_cast<float>(options_.step); }
+  float InCells(float sigma) const { return sigma / static_cast<float>(sizes_.options.step); }
 
-  Buffer Floats(size_t count) { return run_.Allocate(count * sizeof(float)); }
-  template <typename T>
-  Buffer Upload(const std::vector<T>& values) {
-    const Buffer buffer = run_.Allocate(values.size() * sizeof(T));
-    run_.Write(buffer, 0, values.data(), values.size() * sizeof(T));
+  Buffer Bytes(size_t count) {
+    own_.push_back(run_.Allocate(count));
+    return own_.back();
+  }
+  Buffer Floats(size_t count) { return Bytes(count * sizeof(float)); }
+  Buffer Zeros(size_t count) {
+    const Buffer buffer = Floats(count);
+    run_.Run("Clear", count, {Int(count), buffer});
     return buffer;
   }
-  /// Planes of sites: those of pixels, and value(k, i) for plane k of point i.
+  template <typename Values>
+  Buffer Upload(const Values& values) {
+    const size_t bytes = values.size() * sizeof(values[0]);
+    const Buffer buffer = Bytes(bytes);
+    run_.Write(buffer, 0, values.data(), bytes);
+    return buffer;
+  }
+  /// Writes value(i) for each point i behind the pixels of plane k.
   template <typename Value>
-  Buffer Upload(const std::vector<Plane>& planes, const Value& value) {
-    const Buffer buffer = Floats(planes.size() * Sites());
-    for (size_t k = 0; k < planes.size(); ++k) {
-      std::vector<float> values = Packed(planes[k].view());
-      for (size_t i = 0; i < Points().pixels.size(); ++i) values.push_back(value(k, i));
-      run_.Write(buffer, k * Sites() * sizeof(float), values.data(), Sites() * sizeof(float));
-    }
-    return buffer;
-  }
-  std::vector<float> Packed(ConstFloatView plane) const {
+  void PutPoints(size_t k, Buffer planes, const Value& value) {
     std::vector<float> values;
-    values.reserve(Sites());
-    for (int y = 0; y < plane.height(); ++y)
-      values.insert(values.end(), plane.Row(y), plane.Row(y) + plane.width());
-    return values;
+    for (size_t i = 0; i < Points().pixels.size(); ++i) values.push_back(value(i));
+    run_.Write(planes, (k * sizes_.sites + sizes_.pixels) * sizeof(float), values.data(),
+               values.size() * sizeof(float));
   }
 
   /// The manifolds, the weights of sites on those of a turn and the sums of all; and what splits clusters.
@@ -88,12 +94,19 @@ class ManifoldRun {
     Buffer sums, low, axes;
     Buffer members, masses, labels;
   };
+  /// What is splatted and blurred, the links of cells to the left and above; the sums over manifolds, in
+  /// whose place the result comes, and what points found.
+  struct Blurred {
+    Buffer psi, across, down;
+    Buffer planes, found;
+  };
   /// The points by cells, as kernel Splat has them.
   struct PointOrder {
     Buffer firsts, order;
   };
 
   void UploadFeatures();
+  void ProjectPatches();
   void UploadSignals();
   void GrowTree();
   /// `count` manifolds from `first` on, of a level of `level` manifolds.
@@ -103,62 +116,78 @@ class ManifoldRun {
   /// Weights that stay are kept from manifold `origin` on.
   void Weigh(int32_t count, int32_t first, bool stays, int32_t origin, bool splits);
   /// What sites weigh in splats.
-  Buffer SplatMasks();
+  void WeighSites();
   PointOrder OrderPoints();
-  void SplatBlurSlice(Buffer masks);
+  void SplatBlurSlice();
   void Blur(int32_t count, int32_t first);
   absl::StatusOr<ManifoldResult> Results();
 
   const ManifoldCall& call_;
   KernelRun& run_;
+  DevicePlanes& from_;
   const ManifoldSizes sizes_;
-  const KernelOptions options_;
-  const Grid grid_;
-  const size_t pixels_;
-  const size_t cells_;
   const MemoryPlan plan_;
-  Buffer places_ = {}, signals_ = {}, features_ = {};
+  std::vector<Buffer> own_;
+  Buffer places_ = {}, features_ = {}, masks_ = {}, signals_ = {};
   Tree tree_ = {};
-  Buffer psi_ = {}, across_ = {}, down_ = {};
-  Buffer planes_ = {};  // sums over manifolds, and then the result
-  Buffer found_ = {};
+  Blurred blurred_ = {};
 };
+
+void ManifoldRun::ProjectPatches() {
+  const PatchProjection& patches = call_.patches;
+  if (patches.dimensions == 0) return;
+  const Buffer color = Floats(patches.color.size() * sizes_.pixels);
+  for (size_t c = 0; c < patches.color.size(); ++c)
+    from_.Put(patches.color[c], color, c * sizes_.pixels * sizeof(float));
+  const Buffer taps = Upload(patches.taps);
+  run_.Run("Project", static_cast<size_t>(patches.dimensions) * sizes_.pixels,
+           {sizes_.grid, Int(patches.color.size()), patches.dimensions, patches.radius, patches.scale, color,
+            taps, features_});
+  for (const Buffer buffer : {color, taps}) run_.Release(buffer);
+}
 
 void ManifoldRun::UploadFeatures() {
   std::vector<int32_t> places;
   for (const auto& [x, y] : Points().pixels) places.insert(places.end(), {x, y});
   places_ = Upload(places);
-  const size_t own = Points().own_features;
-  features_ = Upload(call_.features, [&](size_t k, size_t i) {
-    const size_t shared = Features() - own;
-    const auto [x, y] = Points().pixels[i];
-    return k < shared ? call_.features[k].At(x, y) : Points().features[i * own + (k - shared)];
-  });
+  features_ = Floats(Features() * sizes_.sites);
+  ProjectPatches();
+  const auto first = static_cast<size_t>(call_.patches.dimensions);
+  for (size_t k = 0; k < call_.features.size(); ++k)
+    from_.Put(call_.features[k], features_, (first + k) * sizes_.sites * sizeof(float));
+  const size_t own = Points().own_features, shared = Features() - own;
+  run_.Run("ShareFeatures", shared * Points().pixels.size(), {sizes_.grid, Int(shared), places_, features_});
+  for (size_t k = 0; k < own; ++k)
+    PutPoints(shared + k, features_, [&](size_t i) { return Points().features[i * own + k]; });
 }
 
 void ManifoldRun::UploadSignals() {
   const size_t channels = call_.signals.size();
-  signals_ = Upload(call_.signals, [&](size_t c, size_t i) {
-    return Points().signals.empty() ? 0.0f : Points().signals[i * channels + c];
-  });
+  signals_ = Floats(channels * sizes_.sites);
+  for (size_t c = 0; c < channels; ++c) {
+    from_.Put(call_.signals[c], signals_, c * sizes_.sites * sizeof(float));
+    PutPoints(c, signals_,
+              [&](size_t i) { return Points().signals.empty() ? 0.0f : Points().signals[i * channels + c]; });
+  }
 }
 
 void ManifoldRun::FindAxes(int32_t count, int32_t first, int32_t cluster) {
-  const int32_t row_step = std::max(1, grid_.rows / kAxisRows);
-  const auto rows = static_cast<size_t>((grid_.rows + row_step - 1) / row_step);
+  const int32_t row_step = std::max(1, sizes_.grid.rows / kAxisRows);
+  const auto rows = static_cast<size_t>((sizes_.grid.rows + row_step - 1) / row_step);
   const size_t entries = static_cast<size_t>(count) * (Features() * (Features() + 1) / 2 + 1);
-  const Buffer row_sums = run_.Allocate(rows * entries * sizeof(double));
-  const Buffer covariance = run_.Allocate(entries * sizeof(double));
-  run_.Run("RowCovariance", rows * entries, {grid_, count, first, row_step, tree_.sums, tree_.eta, row_sums});
-  run_.Run("Covariance", entries, {grid_, count, row_step, row_sums, covariance});
+  const Buffer row_sums = Bytes(rows * entries * sizeof(double));
+  const Buffer covariance = Bytes(entries * sizeof(double));
+  run_.Run("RowCovariance", rows * entries,
+           {sizes_.grid, count, first, row_step, tree_.sums, tree_.eta, row_sums});
+  run_.Run("Covariance", entries, {sizes_.grid, count, row_step, row_sums, covariance});
   run_.Run("Axis", static_cast<size_t>(count),
            {count, cluster, call_.params.pca_iterations, covariance, tree_.axes});
   for (const Buffer buffer : {row_sums, covariance}) run_.Release(buffer);
 }
 
 void ManifoldRun::Weigh(int32_t count, int32_t first, bool stays, int32_t origin, bool splits) {
-  run_.Run("Weigh", Sites(),
-           {grid_, count, first, stays ? 1 : 0, origin, splits ? 1 : 0,
+  run_.Run("Weigh", sizes_.sites,
+           {sizes_.grid, count, first, stays ? 1 : 0, origin, splits ? 1 : 0,
             Int(Features() - Points().own_features), Points().pixel_divisor, places_, features_, tree_.eta,
             tree_.axes, tree_.members, tree_.labels, tree_.total, tree_.weights, tree_.masses});
 }
@@ -169,26 +198,30 @@ void ManifoldRun::GrowClusters(int32_t level, int32_t first, int32_t count, bool
   const float link = Exp(-kSqrt2 / InCells(call_.params.sigma_s));
   const int32_t cluster = first - (level - 1);
   const int32_t parent = level == 1 ? -1 : level / 2 - 1 + cluster / 2;
-  run_.Run("ClusterSums", images * cells_,
-           {grid_, count, cluster, features_, tree_.labels, tree_.masses, tree_.sums});
-  run_.Run("EvenRows", planes * static_cast<size_t>(grid_.rows), {grid_, count, link, tree_.sums, tree_.low});
-  run_.Run("EvenColumns", planes * static_cast<size_t>(grid_.columns), {grid_, count, link, tree_.low});
-  run_.Run("Heights", images * cells_, {grid_, count, first, parent, tree_.low, tree_.eta});
+  run_.Run("ClusterSums", images * sizes_.cells,
+           {sizes_.grid, count, cluster, features_, tree_.labels, tree_.masses, tree_.sums});
+  run_.Run("EvenRows", planes * Rows(), {sizes_.grid, count, link, tree_.sums, tree_.low});
+  run_.Run("EvenColumns", planes * Columns(), {sizes_.grid, count, link, tree_.low});
+  run_.Run("Heights", images * sizes_.cells, {sizes_.grid, count, first, parent, tree_.low, tree_.eta});
   if (splits) FindAxes(count, first, cluster);
 }
 
 void ManifoldRun::GrowTree() {
+  const size_t pixel_bytes = sizes_.pixels * sizeof(float);
   const size_t most_clusters = size_t{1} << (sizes_.levels - 1);
-  const size_t sums = static_cast<size_t>(plan_.clusters) * cells_ * (Features() + 1);
-  tree_ = {.eta = Floats(static_cast<size_t>(sizes_.manifolds) * cells_ * Features()),
-           .weights = Floats(IsWhole() ? static_cast<size_t>(sizes_.manifolds) * Sites() : 0),
-           .total = Upload(std::vector<float>(Sites())),
+  const size_t sums = static_cast<size_t>(plan_.clusters) * sizes_.cells * (Features() + 1);
+  masks_ = Zeros(sizes_.sites);
+  from_.Put(call_.mask, masks_, 0);
+  tree_ = {.eta = Floats(static_cast<size_t>(sizes_.manifolds) * sizes_.cells * Features()),
+           .weights = Floats(IsWhole() ? static_cast<size_t>(sizes_.manifolds) * sizes_.sites : 0),
+           .total = Zeros(sizes_.sites),
            .sums = Floats(sums),
            .low = Floats(sums),
            .axes = Floats(most_clusters * Features()),
-           .members = Upload(Packed(call_.mask)),
-           .masses = Upload(Packed(call_.mask)),
-           .labels = Upload(std::vector<int32_t>(pixels_))};
+           .members = Floats(sizes_.pixels),
+           .masses = Floats(sizes_.pixels),
+           .labels = Zeros(sizes_.pixels)};
+  for (const Buffer buffer : {tree_.members, tree_.masses}) run_.Copy(masks_, buffer, 0, pixel_bytes);
   for (int32_t level = 1; level <= Int(most_clusters); level *= 2) {
     const int32_t first = level - 1;
     const bool splits = level < Int(most_clusters);
@@ -203,30 +236,32 @@ void ManifoldRun::GrowTree() {
   if (IsWhole()) run_.Release(features_);
 }
 
-Buffer ManifoldRun::SplatMasks() {
-  std::vector<float> masks = Packed(call_.mask);
-  masks.resize(Sites(), 0.0f);
-  for (size_t i = 0; !Points().signals.empty() && i < Points().weights.size(); ++i) {
-    masks[pixels_ + i] = Points().weights[i];
-    const auto [x, y] = Points().pixels[i];
-    if (Points().weights[i] > 0)  // the pixel's points stand for it
-      masks[static_cast<size_t>(y) * static_cast<size_t>(grid_.width) + static_cast<size_t>(x)] = 0;
+void ManifoldRun::WeighSites() {
+  if (!Points().signals.empty()) {
+    std::vector<int32_t> replaced;
+    for (size_t i = 0; i < Points().weights.size(); ++i) {
+      if (Points().weights[i] > 0) replaced.push_back(Int(PixelAt(Points().pixels[i])));
+    }
+    std::sort(replaced.begin(), replaced.end());
+    replaced.erase(std::unique(replaced.begin(), replaced.end()), replaced.end());
+    const Buffer pixels = Upload(replaced);
+    run_.Run("Replace", replaced.size(), {Int(replaced.size()), pixels, masks_});
+    run_.Release(pixels);
+    PutPoints(0, masks_, [&](size_t i) { return Points().weights[i]; });
   }
-  const Buffer buffer = Upload(masks);
-  if (call_.params.keeps_mass) run_.Run("KeepMass", Sites(), {grid_, tree_.total, buffer});
-  return buffer;
+  if (call_.params.keeps_mass) run_.Run("KeepMass", sizes_.sites, {sizes_.grid, tree_.total, masks_});
 }
 
 ManifoldRun::PointOrder ManifoldRun::OrderPoints() {
-  std::vector<std::vector<int32_t>> by_cell(cells_);
+  std::vector<std::vector<int32_t>> by_cell(sizes_.cells);
   std::vector<size_t> by_row(Points().pixels.size());
   std::iota(by_row.begin(), by_row.end(), size_t{0});
   std::stable_sort(by_row.begin(), by_row.end(),
                    [&](size_t i, size_t j) { return Points().pixels[i][1] < Points().pixels[j][1]; });
   for (const size_t i : by_row) {
     const auto [x, y] = Points().pixels[i];
-    by_cell[static_cast<size_t>(y / options_.step) * static_cast<size_t>(grid_.columns) +
-            static_cast<size_t>(x / options_.step)]
+    by_cell[static_cast<size_t>(y / sizes_.options.step) * Columns() +
+            static_cast<size_t>(x / sizes_.options.step)]
         .push_back(Int(i));
   }
   std::vector<int32_t> firsts = {0}, order;
@@ -241,77 +276,121 @@ void ManifoldRun::Blur(int32_t count, int32_t first) {
   const auto images = static_cast<size_t>(count);
   const float sigma = InCells(call_.reach);
   const float stretch = (sigma / kBlurRange) * (sigma / kBlurRange);
-  run_.Run("Links", images * cells_, {grid_, count, first, sigma, stretch, tree_.eta, across_, down_});
-  run_.Run("GuidedRows", images * static_cast<size_t>(grid_.rows) * Planes(), {grid_, count, across_, psi_});
-  run_.Run("GuidedColumns", images * static_cast<size_t>(grid_.columns) * Planes(),
-           {grid_, count, down_, psi_});
+  run_.Run("Links", images * sizes_.cells,
+           {sizes_.grid, count, first, sigma, stretch, tree_.eta, blurred_.across, blurred_.down});
+  run_.Run("GuidedRows", images * Rows() * Planes(), {sizes_.grid, count, blurred_.across, blurred_.psi});
+  run_.Run("GuidedColumns", images * Columns() * Planes(), {sizes_.grid, count, blurred_.down, blurred_.psi});
 }
 
-void ManifoldRun::SplatBlurSlice(Buffer masks) {
+void ManifoldRun::SplatBlurSlice() {
   const PointOrder points = OrderPoints();
   const auto most = static_cast<size_t>(plan_.manifolds);
-  if (!IsWhole()) tree_.weights = Floats(most * Sites());
-  psi_ = Floats(most * cells_ * Planes());
-  across_ = Floats(most * cells_);
-  down_ = Floats(most * cells_);
-  planes_ = Floats(Sites() * (IsWhole() ? static_cast<size_t>(options_.channels) : Planes()));
-  found_ = Floats(static_cast<size_t>(grid_.points));
+  if (!IsWhole()) tree_.weights = Floats(most * sizes_.sites);
+  const size_t planes = IsWhole() ? call_.signals.size() : Planes();
+  blurred_ = {.psi = Floats(most * sizes_.cells * Planes()),
+              .across = Floats(most * sizes_.cells),
+              .down = Floats(most * sizes_.cells),
+              .planes = Floats(sizes_.sites * planes),
+              .found = Floats(Points().pixels.size())};
   for (int32_t first = 0; first < sizes_.manifolds; first += plan_.manifolds) {
     const int32_t count = std::min(plan_.manifolds, sizes_.manifolds - first);
-    const size_t images = static_cast<size_t>(count);
+    const size_t all_cells = static_cast<size_t>(count) * sizes_.cells;
     if (!IsWhole()) Weigh(count, first, /*stays=*/true, /*origin=*/first, /*splits=*/false);
-    run_.Run("Splat", images * cells_,
-             {grid_, count, call_.reach, places_, points.firsts, points.order, signals_, masks, tree_.weights,
-              psi_});
-    if (options_.fits) run_.Run("Moments", images * cells_, {grid_, count, psi_});
+    run_.Run("Splat", all_cells,
+             {sizes_.grid, count, call_.reach, places_, points.firsts, points.order, signals_, masks_,
+              tree_.weights, blurred_.psi});
+    if (sizes_.options.fits) run_.Run("Moments", all_cells, {sizes_.grid, count, blurred_.psi});
     Blur(count, first);
-    run_.Run("Slice", Sites(),
-             {grid_, count, first == 0 ? 1 : 0, first + count == sizes_.manifolds ? 1 : 0, call_.reach,
-              call_.params.slope_ridge, places_, signals_, tree_.weights, psi_, planes_, found_});
+    run_.Run("Slice", sizes_.sites,
+             {sizes_.grid, count, first == 0 ? 1 : 0, first + count == sizes_.manifolds ? 1 : 0, call_.reach,
+              call_.params.slope_ridge, places_, signals_, tree_.weights, blurred_.psi, blurred_.planes,
+              blurred_.found});
   }
 }
 
 absl::StatusOr<ManifoldResult> ManifoldRun::Results() {
-  const auto channels = static_cast<size_t>(options_.channels);
-  ManifoldResult result{MakeUninitializedPlanes(channels, grid_.width, grid_.height), {}};
-  const auto count = static_cast<size_t>(grid_.points);
+  const size_t channels = call_.signals.size();
+  const auto width = static_cast<size_t>(sizes_.grid.width);
+  ManifoldResult result{MakeUninitializedPlanes(channels, sizes_.grid.width, sizes_.grid.height), {}};
+  const size_t count = Points().pixels.size();
   result.points = {std::vector<float>(count * channels), std::vector<float>(count)};
-  std::vector<float> values(Sites());
+  std::vector<float> values(sizes_.sites);
   for (size_t c = 0; c < channels; ++c) {
-    const size_t bytes = Sites() * sizeof(float);
-    if (absl::Status status = run_.Read(planes_, c * bytes, bytes, values.data()); !status.ok())
+    const size_t bytes = sizes_.sites * sizeof(float);
+    if (absl::Status status = run_.Read(blurred_.planes, c * bytes, bytes, values.data()); !status.ok())
       return status;
-    const auto width = static_cast<size_t>(grid_.width);
-    for (int y = 0; y < grid_.height; ++y)
+    for (int y = 0; y < sizes_.grid.height; ++y)
       std::copy_n(values.data() + static_cast<size_t>(y) * width, width, result.filtered[c].Row(y));
-    for (size_t i = 0; i < count; ++i) result.points.values[i * channels + c] = values[pixels_ + i];
+    for (size_t i = 0; i < count; ++i) result.points.values[i * channels + c] = values[sizes_.pixels + i];
   }
-  if (absl::Status status = run_.Read(found_, 0, count * sizeof(float), result.points.weights.data());
+  if (absl::Status status = run_.Read(blurred_.found, 0, count * sizeof(float), result.points.weights.data());
       !status.ok())
     return status;
   return result;
 }
 
+/// How calls use the device's memory.
+struct CallsPlan {
+  bool planes_stay = false;
+  DeviceMemory of_calls;  // what is left to each
+  DeviceMemory taken = {0, 0};
+};
+
+void Extend(const DeviceMemory& need, DeviceMemory* all) {
+  *all = {std::max(all->whole, need.whole), std::max(all->largest, need.largest)};
+}
+
+CallsPlan PlanOf(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory) {
+  const ManifoldSizes first(calls.front());
+  const uint64_t shared = SharedPlanes(calls) * first.pixels * sizeof(float);
+  DeviceMemory all = {0, 0};  // where no manifold waits for another
+  for (const ManifoldCall& call : calls) {
+    const ManifoldSizes sizes(call);
+    Extend(NeedOf({1 << (sizes.levels - 1), sizes.manifolds}, sizes), &all);
+  }
+  CallsPlan plan = {.of_calls = memory};
+  plan.planes_stay = memory.Holds({all.whole + shared, all.largest});
+  if (plan.planes_stay) plan.of_calls.whole -= shared;
+  for (const ManifoldCall& call : calls) {
+    const ManifoldSizes sizes(call);
+    Extend(NeedOf(PlanFor(plan.of_calls, sizes), sizes), &plan.taken);
+  }
+  if (plan.planes_stay) plan.taken.whole += shared;
+  return plan;
+}
+
 }  // namespace
 
 KernelOptions KernelsOf(const ManifoldCall& call) {
-  return {static_cast<int>(call.features.size()), static_cast<int>(call.signals.size()),
+  return {static_cast<int>(call.FeatureCount()), static_cast<int>(call.signals.size()),
           call.params.is_first_order, CellOf(call.params)};
 }
 
-DeviceMemory LeastMemory(const ManifoldCall& call) {
-  const ManifoldSizes sizes(call);
-  return NeedOf(LeastPlan(sizes), sizes);
+DeviceMemory LeastMemory(absl::Span<const ManifoldCall> calls) {
+  DeviceMemory least = {0, 0};
+  for (const ManifoldCall& call : calls) {
+    const ManifoldSizes sizes(call);
+    Extend(NeedOf(LeastPlan(sizes), sizes), &least);
+  }
+  return least;
 }
 
-DeviceMemory TakenMemory(const ManifoldCall& call, const DeviceMemory& memory) {
-  const ManifoldSizes sizes(call);
-  return NeedOf(PlanFor(memory, sizes), sizes);
+DeviceMemory TakenMemory(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory) {
+  return PlanOf(calls, memory).taken;
 }
 
-absl::StatusOr<ManifoldResult> RunManifolds(const ManifoldCall& call, const DeviceMemory& memory,
-                                            KernelRun* run) {
-  return ManifoldRun(call, memory, run).Run();
+absl::StatusOr<std::vector<ManifoldResult>> RunManifolds(absl::Span<const ManifoldCall> calls,
+                                                         const DeviceMemory& memory, KernelRun* run) {
+  const CallsPlan plan = PlanOf(calls, memory);
+  DevicePlanes planes(calls, plan.planes_stay, run);
+  std::vector<ManifoldResult> results;
+  for (const ManifoldCall& call : calls) {
+    LUMIFOLD_CHECK(KernelsOf(call) == KernelsOf(calls.front()));
+    absl::StatusOr<ManifoldResult> result = ManifoldRun(call, plan.of_calls, &planes, run).Run();
+    if (!result.ok()) return result.status();
+    results.push_back(*std::move(result));
+  }
+  return results;
 }
 
 }  // namespace lumifold::filter

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <vector>
+
 #include "absl/status/statusor.h"
+#include "absl/types/span.h"
 #include "filter/manifold/manifold_device.h"
 #include "filter/opencl/kernel_run.h"
 
@@ -9,15 +12,15 @@ namespace lumifold::filter {
 /// The kernels that the call needs.
 KernelOptions KernelsOf(const ManifoldCall& call);
 
-/// What the call needs at least.
-DeviceMemory LeastMemory(const ManifoldCall& call);
+/// What the calls need at least.
+DeviceMemory LeastMemory(absl::Span<const ManifoldCall> calls);
 /// What RunManifolds takes of so much memory.
-DeviceMemory TakenMemory(const ManifoldCall& call, const DeviceMemory& memory);
+DeviceMemory TakenMemory(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory);
 
-/// ManifoldFilterAtPoints by the kernels of manifold.cl, made for KernelsOf(call). Manifolds take turns as
-/// the memory of the device asks for; the bits are the same. `memory` holds LeastMemory(call). Errors: those
-/// of the run.
-absl::StatusOr<ManifoldResult> RunManifolds(const ManifoldCall& call, const DeviceMemory& memory,
-                                            KernelRun* run);
+/// ManifoldDevice::Filter by the kernels of manifold.cl, made for the calls. Manifolds take turns as the
+/// memory of the device asks for, and planes of several calls stay there if it has room; the bits are the
+/// same. `memory` holds LeastMemory(calls). Errors: those of the run.
+absl::StatusOr<std::vector<ManifoldResult>> RunManifolds(absl::Span<const ManifoldCall> calls,
+                                                         const DeviceMemory& memory, KernelRun* run);
 
 }  // namespace lumifold::filter

@@ -32,6 +32,7 @@ ManifoldSizes::ManifoldSizes(const ManifoldCall& call)
   pixels = static_cast<uint64_t>(grid.width) * static_cast<uint64_t>(grid.height);
   sites = pixels + static_cast<uint64_t>(grid.points);
   cells = static_cast<uint64_t>(grid.columns) * static_cast<uint64_t>(grid.rows);
+  if (call.patches.dimensions > 0) patches = call.patches.color.size() * pixels + call.patches.taps.size();
 }
 
 DeviceMemory NeedOf(const MemoryPlan& plan, const ManifoldSizes& sizes) {
@@ -48,13 +49,15 @@ DeviceMemory NeedOf(const MemoryPlan& plan, const ManifoldSizes& sizes) {
   // Entries of covariances, each a double, of at most twice kAxisRows rows.
   const uint64_t covariances = 2 * clusters * (features * (features + 1) / 2 + 1) * (2 * kAxisRows + 1);
   const uint64_t axes = features << (sizes.levels - 1);
-  const DeviceMemory tree = Together({all_features, eta, is_whole ? weights : 0, sums, sums, sizes.sites,
-                                      3 * sizes.pixels, covariances, axes, 2 * points});
-  const DeviceMemory rest =
-      Together({is_whole ? 0 : all_features, eta, weights, channels * sizes.sites, sizes.sites, sizes.sites,
-                manifolds * sizes.cells * planes, manifolds * sizes.cells, manifolds * sizes.cells,
-                (is_whole ? channels : planes) * sizes.sites, axes, sizes.cells + 1, 4 * points});
-  return {std::max(tree.whole, rest.whole), std::max(tree.largest, rest.largest)};
+  const DeviceMemory projection = Together({all_features, 2 * points, sizes.patches});
+  const DeviceMemory tree = Together({all_features, 2 * points, sizes.sites, eta, is_whole ? weights : 0,
+                                      sums, sums, sizes.sites, 3 * sizes.pixels, covariances, axes});
+  const DeviceMemory rest = Together(
+      {is_whole ? 0 : all_features, 4 * points, sizes.sites, eta, weights, channels * sizes.sites,
+       sizes.sites, manifolds * sizes.cells * planes, manifolds * sizes.cells, manifolds * sizes.cells,
+       (is_whole ? channels : planes) * sizes.sites, axes, sizes.cells + 1, points});
+  return {std::max({projection.whole, tree.whole, rest.whole}),
+          std::max({projection.largest, tree.largest, rest.largest})};
 }
 
 MemoryPlan LeastPlan(const ManifoldSizes& sizes) { return {std::min(2, 1 << (sizes.levels - 1)), 1}; }

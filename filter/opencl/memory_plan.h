@@ -14,6 +14,7 @@ struct ManifoldSizes {
   KernelOptions options;
   Grid grid = {};
   uint64_t pixels = 0, sites = 0, cells = 0;
+  uint64_t patches = 0;  // floats that their projection takes
   int32_t levels = 0, manifolds = 0;
 };
 

@@ -14,6 +14,7 @@
   F(clCreateContext)                 \
   F(clCreateKernel)                  \
   F(clCreateProgramWithSource)       \
+  F(clEnqueueCopyBuffer)             \
   F(clEnqueueNDRangeKernel)          \
   F(clEnqueueReadBuffer)             \
   F(clEnqueueWriteBuffer)            \

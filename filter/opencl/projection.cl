@@ -1,10 +1,11 @@
-// ProjectPatches (filter/layers/nlm_space.h), for a device and as C++, as manifold.cl.
+// ProjectPatches (filter/layers/nlm_space.h), for a device and as C++. Follows manifold.cl in one program.
 
 // Coordinates along the axes of a basis: plane k of the result is the correlation of the picture's patches with the taps of axis
-// k, channel after channel and row after row, added in groups of three taps. Edges are clamped. A work-item a value.
-__kernel void Project(int width, int height, int channels, int dimensions, int radius,
-                      __global const float* color, __global const float* taps, __global float* coordinates) {
-  const size_t pixels = (size_t)width * (size_t)height;
+// k, channel after channel and row after row, added in groups of three taps, times `scale`. Edges are clamped. A work-item a value.
+__kernel void Project(Grid grid, int channels, int dimensions, int radius, float scale, __global const float* color,
+                      __global const float* taps, __global float* features) {
+  const size_t pixels = PixelsOf(grid);
+  const int width = grid.width, height = grid.height;
   const size_t item = get_global_id(0);
   if (item >= pixels * dimensions) return;
   const int side = 2 * radius + 1;
@@ -25,5 +26,5 @@ __kernel void Project(int width, int height, int channels, int dimensions, int r
       }
     }
   }
-  coordinates[item] = sum;
+  features[item / pixels * SitesOf(grid) + item % pixels] = sum * scale;
 }

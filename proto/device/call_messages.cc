@@ -1,7 +1,9 @@
 #include "proto/device/call_messages.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -20,34 +22,29 @@ using filter::SlicePoints;
 constexpr int32_t kMostSide = 1 << 16;
 constexpr int64_t kMostPixels = int64_t{1} << 27;
 constexpr uint32_t kMostPlanes = 64;
+constexpr uint32_t kMostCalls = 16;
 constexpr uint32_t kMostPoints = 1U << 27;
 constexpr int32_t kMostRadius = 64;
 constexpr float kMostReach = 1 << 16;
 
-/// The first word of a call.
-constexpr uint32_t kFiltering = 1;
-constexpr uint32_t kProjection = 2;
-
-// Without padding: no byte of this process's memory goes with them.
-struct PointsHeader {
-  uint32_t is_here, has_signals;
-  uint32_t count, own_features;
-  float pixel_divisor;
-};
-struct CallHeader {
-  uint32_t kind;
-  int32_t width, height;
-  uint32_t signals, features;
+// Without padding: no byte of this process's memory goes with them. What all calls have in common:
+struct ParamsHeader {
   float sigma_s, slope_ridge, reach;
   int32_t levels, pca_iterations, cell;
   uint32_t keeps_mass, is_first_order;
-  PointsHeader points;
 };
-struct ProjectionHeader {
-  uint32_t kind;
+struct Header {
   int32_t width, height;
-  uint32_t channels, dimensions;
-  int32_t radius;
+  uint32_t planes, calls;  // planes that differ
+  uint32_t signals, colors, features;
+  int32_t radius, dimensions;
+  ParamsHeader params;
+};
+struct PartHeader {
+  float scale;
+  uint32_t has_points, has_signals;
+  uint32_t count, own_features;
+  float pixel_divisor;
 };
 
 bool IsSize(int32_t width, int32_t height) {
@@ -57,32 +54,42 @@ bool IsSize(int32_t width, int32_t height) {
 bool IsCount(uint32_t planes) { return planes >= 1 && planes <= kMostPlanes; }
 bool IsPositive(float value, float most) { return value > 0 && value <= most; }
 
-bool HasValidPoints(const CallHeader& header) {
-  const PointsHeader& points = header.points;
-  if (points.is_here == 0) return true;
-  return points.own_features <= header.features && points.count <= kMostPoints / kMostPlanes &&
-         std::isfinite(points.pixel_divisor);
+/// Planes of one call.
+uint32_t PlanesOf(const Header& header) { return header.signals + header.colors + header.features + 1; }
+
+bool HasValidPatches(const Header& header) {
+  if (header.dimensions == 0) return header.colors <= kMostPlanes && header.features >= 1;
+  return header.dimensions > 0 && IsCount(static_cast<uint32_t>(header.dimensions) + header.features) &&
+         IsCount(header.colors) && header.radius >= 0 && header.radius <= kMostRadius;
 }
 
-bool IsValid(const CallHeader& header) {
-  if (!IsSize(header.width, header.height) || !IsCount(header.features) || !IsCount(header.signals))
+bool IsValid(const ParamsHeader& params) {
+  if (params.levels < 1 || params.levels > 8) return false;
+  if (params.pca_iterations < 1 || params.pca_iterations > 1000) return false;
+  if (params.cell < 0 || params.cell > kBandRows || (params.cell & (params.cell - 1)) != 0) return false;
+  return IsPositive(params.sigma_s, kMostReach) && IsPositive(params.reach, kMostReach) &&
+         std::isfinite(params.slope_ridge);
+}
+
+bool IsValid(const Header& header) {
+  if (!IsSize(header.width, header.height) || !IsCount(header.signals) || header.features > kMostPlanes)
     return false;
-  if (header.is_first_order != 0 && header.signals != 3) return false;
-  if (header.levels < 1 || header.levels > 8) return false;
-  if (header.pca_iterations < 1 || header.pca_iterations > 1000) return false;
-  if (header.cell < 0 || header.cell > kBandRows || (header.cell & (header.cell - 1)) != 0) return false;
-  return IsPositive(header.sigma_s, kMostReach) && IsPositive(header.reach, kMostReach) &&
-         std::isfinite(header.slope_ridge) && HasValidPoints(header);
+  if (header.calls < 1 || header.calls > kMostCalls) return false;
+  if (!HasValidPatches(header) || header.planes > header.calls * PlanesOf(header)) return false;
+  return IsValid(header.params) && (header.params.is_first_order == 0 || header.signals == 3);
 }
 
-bool IsValid(const ProjectionHeader& header) {
-  return IsSize(header.width, header.height) && IsCount(header.channels) && IsCount(header.dimensions) &&
-         header.radius >= 0 && header.radius <= kMostRadius;
+bool IsValid(const PartHeader& part, const Header& header) {
+  if (!std::isfinite(part.scale)) return false;
+  if (part.has_points == 0) return true;
+  return part.own_features <= static_cast<uint32_t>(header.dimensions) + header.features &&
+         part.count <= kMostPoints / kMostPlanes && std::isfinite(part.pixel_divisor);
 }
 
-size_t TapsOf(const ProjectionHeader& header) {
+size_t TapsOf(const Header& header) {
+  if (header.dimensions == 0) return 0;
   const size_t side = 2 * static_cast<size_t>(header.radius) + 1;
-  return size_t{header.channels} * header.dimensions * side * side;
+  return size_t{header.colors} * static_cast<size_t>(header.dimensions) * side * side;
 }
 
 bool SendPlane(ConstFloatView plane, SocketStream* to) {
@@ -122,126 +129,174 @@ bool ReceivePlanes(SocketStream* from, Planes* planes) {
   return works;
 }
 
-CallHeader HeaderOf(const ManifoldCall& call) {
+/// All planes of a call, in the order of ReceivedCalls::Part::planes.
+filter::PlaneViews PlanesOf(const ManifoldCall& call) {
+  filter::PlaneViews planes = call.signals;
+  planes.insert(planes.end(), call.patches.color.begin(), call.patches.color.end());
+  planes.insert(planes.end(), call.features.begin(), call.features.end());
+  planes.push_back(call.mask);
+  return planes;
+}
+
+/// The planes of calls, each once, and their numbers; the first pixel tells a plane from others.
+struct PlaneTable {
+  explicit PlaneTable(absl::Span<const ManifoldCall> calls) {
+    for (const ManifoldCall& call : calls) {
+      for (const ConstFloatView& plane : PlanesOf(call)) {
+        if (numbers.emplace(plane.Row(0), static_cast<uint32_t>(planes.size())).second)
+          planes.push_back(plane);
+      }
+    }
+  }
+
+  filter::PlaneViews planes;
+  std::map<const float*, uint32_t> numbers;
+};
+
+Header HeaderOf(absl::Span<const ManifoldCall> calls, const PlaneTable& table) {
+  const ManifoldCall& call = calls.front();
   const filter::ManifoldParams& params = call.params;
-  CallHeader header = {};
-  header.kind = kFiltering;
-  header.width = call.mask.width();
-  header.height = call.mask.height();
-  header.signals = static_cast<uint32_t>(call.signals.size());
-  header.features = static_cast<uint32_t>(call.features.size());
-  header.sigma_s = params.sigma_s;
-  header.slope_ridge = params.slope_ridge;
-  header.reach = call.reach;
-  header.levels = params.height;
-  header.pca_iterations = params.pca_iterations;
-  header.cell = params.cell;
-  header.keeps_mass = params.keeps_mass ? 1 : 0;
-  header.is_first_order = params.is_first_order ? 1 : 0;
-  if (call.points == nullptr) return header;
-  header.points = {.is_here = 1,
-                   .has_signals = call.points->signals.empty() ? 0U : 1U,
-                   .count = static_cast<uint32_t>(call.points->pixels.size()),
-                   .own_features = static_cast<uint32_t>(call.points->own_features),
-                   .pixel_divisor = call.points->pixel_divisor};
-  return header;
+  return {.width = call.mask.width(),
+          .height = call.mask.height(),
+          .planes = static_cast<uint32_t>(table.planes.size()),
+          .calls = static_cast<uint32_t>(calls.size()),
+          .signals = static_cast<uint32_t>(call.signals.size()),
+          .colors = static_cast<uint32_t>(call.patches.color.size()),
+          .features = static_cast<uint32_t>(call.features.size()),
+          .radius = call.patches.radius,
+          .dimensions = call.patches.dimensions,
+          .params = {.sigma_s = params.sigma_s,
+                     .slope_ridge = params.slope_ridge,
+                     .reach = call.reach,
+                     .levels = params.height,
+                     .pca_iterations = params.pca_iterations,
+                     .cell = params.cell,
+                     .keeps_mass = params.keeps_mass ? 1U : 0U,
+                     .is_first_order = params.is_first_order ? 1U : 0U}};
 }
 
-ProjectionHeader HeaderOf(const filter::ProjectionCall& call) {
-  return {.kind = kProjection,
-          .width = call.color[0].width(),
-          .height = call.color[0].height(),
-          .channels = static_cast<uint32_t>(call.color.size()),
-          .dimensions = static_cast<uint32_t>(call.dimensions),
-          .radius = call.radius};
+PartHeader PartOf(const ManifoldCall& call) {
+  PartHeader part = {};
+  part.scale = call.patches.scale;
+  if (call.points == nullptr) return part;
+  part.has_points = 1;
+  part.has_signals = call.points->signals.empty() ? 0U : 1U;
+  part.count = static_cast<uint32_t>(call.points->pixels.size());
+  part.own_features = static_cast<uint32_t>(call.points->own_features);
+  part.pixel_divisor = call.points->pixel_divisor;
+  return part;
 }
 
-bool ReceivePoints(const CallHeader& header, SocketStream* from, SlicePoints* points) {
-  const size_t count = header.points.count;
-  points->own_features = header.points.own_features;
-  points->pixel_divisor = header.points.pixel_divisor;
+bool SendPart(const ManifoldCall& call, const PlaneTable& table, SocketStream* to) {
+  const PartHeader part = PartOf(call);
+  std::vector<uint32_t> numbers;
+  for (const ConstFloatView& plane : PlanesOf(call)) numbers.push_back(table.numbers.at(plane.Row(0)));
+  if (!to->Write(&part, sizeof(part)) || !SendList(numbers, to) ||
+      !to->Write(call.patches.taps.data(), call.patches.taps.size() * sizeof(float)))
+    return false;
+  if (call.points == nullptr) return true;
+  return SendList(call.points->pixels, to) && SendList(call.points->features, to) &&
+         (part.has_signals == 0 ||
+          (SendList(call.points->signals, to) && SendList(call.points->weights, to)));
+}
+
+bool ReceivePoints(const Header& header, const PartHeader& part, SocketStream* from, SlicePoints* points) {
+  const size_t count = part.count;
+  points->own_features = part.own_features;
+  points->pixel_divisor = part.pixel_divisor;
   if (!ReceiveList(count, from, &points->pixels)) return false;
   for (const auto& [x, y] : points->pixels) {
     if (x < 0 || x >= header.width || y < 0 || y >= header.height) return false;
   }
-  if (!ReceiveList(count * header.points.own_features, from, &points->features)) return false;
-  if (header.points.has_signals == 0) return true;
+  if (!ReceiveList(count * part.own_features, from, &points->features)) return false;
+  if (part.has_signals == 0) return true;
   return ReceiveList(count * header.signals, from, &points->signals) &&
          ReceiveList(count, from, &points->weights);
 }
 
-/// The rest of a header whose first word is here.
-template <typename Header>
-bool ReceiveHeader(SocketStream* from, Header* header) {
-  return from->Read(&header->kind + 1, sizeof(*header) - sizeof(header->kind)) && IsValid(*header);
+bool ReceivePart(const Header& header, SocketStream* from, ReceivedCalls::Part* part) {
+  PartHeader head = {};
+  if (!from->Read(&head, sizeof(head)) || !IsValid(head, header)) return false;
+  part->scale = head.scale;
+  if (!ReceiveList(PlanesOf(header), from, &part->planes) || !ReceiveList(TapsOf(header), from, &part->taps))
+    return false;
+  for (const uint32_t number : part->planes) {
+    if (number >= header.planes) return false;
+  }
+  return head.has_points == 0 || ReceivePoints(header, head, from, &part->points.emplace());
 }
 
-std::optional<AnyCall> ReceiveFiltering(SocketStream* from) {
-  CallHeader header = {};
-  if (!ReceiveHeader(from, &header)) return std::nullopt;
-  ReceivedFiltering call;
-  call.signals = MakeUninitializedPlanes(header.signals, header.width, header.height);
-  call.features = MakeUninitializedPlanes(header.features, header.width, header.height);
-  call.mask = Plane::Uninitialized(header.width, header.height);
-  call.params = {.sigma_s = header.sigma_s,
-                 .height = header.levels,
-                 .pca_iterations = header.pca_iterations,
-                 .cell = header.cell,
-                 .keeps_mass = header.keeps_mass != 0,
-                 .is_first_order = header.is_first_order != 0,
-                 .slope_ridge = header.slope_ridge};
-  call.reach = header.reach;
-  if (!ReceivePlanes(from, &call.signals) || !ReceivePlanes(from, &call.features) ||
-      !ReceivePlane(from, &call.mask))
-    return std::nullopt;
-  if (header.points.is_here == 0) return call;
-  call.points.emplace();
-  if (!ReceivePoints(header, from, &*call.points)) return std::nullopt;
-  return call;
-}
-
-std::optional<AnyCall> ReceiveProjection(SocketStream* from) {
-  ProjectionHeader header = {};
-  if (!ReceiveHeader(from, &header)) return std::nullopt;
-  ReceivedProjection call;
-  call.color = MakeUninitializedPlanes(header.channels, header.width, header.height);
-  call.radius = header.radius;
-  call.dimensions = static_cast<int>(header.dimensions);
-  if (!ReceivePlanes(from, &call.color) || !ReceiveList(TapsOf(header), from, &call.taps))
-    return std::nullopt;
-  return call;
+bool ReceiveResult(const ManifoldCall& call, SocketStream* from, ManifoldResult* result) {
+  result->filtered = MakeUninitializedPlanes(call.signals.size(), call.mask.width(), call.mask.height());
+  if (!ReceivePlanes(from, &result->filtered)) return false;
+  if (call.points == nullptr) return true;
+  const size_t count = call.points->pixels.size();
+  return ReceiveList(count * call.signals.size(), from, &result->points.values) &&
+         ReceiveList(count, from, &result->points.weights);
 }
 
 }  // namespace
 
-bool CanSend(const ManifoldCall& call) { return IsValid(HeaderOf(call)); }
-bool CanSend(const filter::ProjectionCall& call) {
-  const ProjectionHeader header = HeaderOf(call);
-  return IsValid(header) && TapsOf(header) == call.taps.size();
+std::vector<ManifoldCall> ReceivedCalls::View() const {
+  std::vector<ManifoldCall> calls;
+  for (const Part& part : parts) {
+    const auto views = [&](size_t first, size_t end) {
+      filter::PlaneViews found;
+      for (size_t i = first; i < end; ++i) found.push_back(planes[part.planes[i]].view());
+      return found;
+    };
+    const size_t mask = part.planes.size() - 1;
+    calls.push_back({views(0, signals),
+                     {views(signals, signals + colors), radius, dimensions, part.taps, part.scale},
+                     views(signals + colors, mask),
+                     planes[part.planes[mask]].view(),
+                     params,
+                     reach,
+                     part.points.has_value() ? &*part.points : nullptr});
+  }
+  return calls;
 }
 
-bool SendCall(const ManifoldCall& call, SocketStream* to) {
-  const CallHeader header = HeaderOf(call);
-  if (!to->Write(&header, sizeof(header)) || !SendPlanes(call.signals, to) ||
-      !SendPlanes(call.features, to) || !SendPlane(call.mask, to))
-    return false;
-  if (call.points == nullptr) return true;
-  return SendList(call.points->pixels, to) && SendList(call.points->features, to) &&
-         (header.points.has_signals == 0 ||
-          (SendList(call.points->signals, to) && SendList(call.points->weights, to)));
+bool CanSend(absl::Span<const ManifoldCall> calls) {
+  if (calls.empty() || calls.size() > kMostCalls) return false;
+  const Header header = HeaderOf(calls, PlaneTable(calls));
+  return IsValid(header) && std::all_of(calls.begin(), calls.end(), [&](const ManifoldCall& call) {
+           return IsValid(PartOf(call), header) && TapsOf(header) == call.patches.taps.size();
+         });
 }
 
-bool SendCall(const filter::ProjectionCall& call, SocketStream* to) {
-  const ProjectionHeader header = HeaderOf(call);
-  return to->Write(&header, sizeof(header)) && SendPlanes(call.color, to) && SendList(call.taps, to);
+bool SendCalls(absl::Span<const ManifoldCall> calls, SocketStream* to) {
+  const PlaneTable table(calls);
+  const Header header = HeaderOf(calls, table);
+  bool works = to->Write(&header, sizeof(header));
+  for (const ConstFloatView& plane : table.planes) works = works && SendPlane(plane, to);
+  for (const ManifoldCall& call : calls) works = works && SendPart(call, table, to);
+  return works;
 }
 
-std::optional<AnyCall> ReceiveCall(SocketStream* from) {
-  uint32_t kind = 0;
-  if (!from->Read(&kind, sizeof(kind))) return std::nullopt;
-  if (kind == kFiltering) return ReceiveFiltering(from);
-  if (kind == kProjection) return ReceiveProjection(from);
-  return std::nullopt;
+std::optional<ReceivedCalls> ReceiveCalls(SocketStream* from) {
+  Header header = {};
+  if (!from->Read(&header, sizeof(header)) || !IsValid(header)) return std::nullopt;
+  ReceivedCalls calls;
+  calls.planes = MakeUninitializedPlanes(header.planes, header.width, header.height);
+  const ParamsHeader& params = header.params;
+  calls.params = {.sigma_s = params.sigma_s,
+                  .height = params.levels,
+                  .pca_iterations = params.pca_iterations,
+                  .cell = params.cell,
+                  .keeps_mass = params.keeps_mass != 0,
+                  .is_first_order = params.is_first_order != 0,
+                  .slope_ridge = params.slope_ridge};
+  calls.reach = params.reach;
+  calls.signals = header.signals;
+  calls.colors = header.colors;
+  calls.radius = header.radius;
+  calls.dimensions = header.dimensions;
+  bool works = ReceivePlanes(from, &calls.planes);
+  calls.parts.resize(header.calls);
+  for (ReceivedCalls::Part& part : calls.parts) works = works && ReceivePart(header, from, &part);
+  if (!works) return std::nullopt;
+  return calls;
 }
 
 bool SendHasResult(bool has_result, SocketStream* to) {
@@ -255,30 +310,21 @@ std::optional<bool> ReceiveHasResult(SocketStream* from) {
   return word != 0;
 }
 
-bool SendResult(const Planes& result, SocketStream* to) { return SendPlanes(result, to); }
-
-bool SendResult(const ManifoldResult& result, SocketStream* to) {
-  return SendPlanes(result.filtered, to) && SendList(result.points.values, to) &&
-         SendList(result.points.weights, to);
+bool SendResults(const std::vector<ManifoldResult>& results, SocketStream* to) {
+  bool works = true;
+  for (const ManifoldResult& result : results)
+    works = works && SendPlanes(result.filtered, to) && SendList(result.points.values, to) &&
+            SendList(result.points.weights, to);
+  return works;
 }
 
-std::optional<Planes> ReceiveResult(const filter::ProjectionCall& call, SocketStream* from) {
-  Planes planes = MakeUninitializedPlanes(static_cast<size_t>(call.dimensions), call.color[0].width(),
-                                          call.color[0].height());
-  if (!ReceivePlanes(from, &planes)) return std::nullopt;
-  return planes;
-}
-
-std::optional<ManifoldResult> ReceiveResult(const ManifoldCall& call, SocketStream* from) {
-  ManifoldResult result;
-  result.filtered = MakeUninitializedPlanes(call.signals.size(), call.mask.width(), call.mask.height());
-  if (!ReceivePlanes(from, &result.filtered)) return std::nullopt;
-  if (call.points == nullptr) return result;
-  const size_t count = call.points->pixels.size();
-  if (!ReceiveList(count * call.signals.size(), from, &result.points.values) ||
-      !ReceiveList(count, from, &result.points.weights))
-    return std::nullopt;
-  return result;
+std::optional<std::vector<ManifoldResult>> ReceiveResults(absl::Span<const ManifoldCall> calls,
+                                                          SocketStream* from) {
+  std::vector<ManifoldResult> results(calls.size());
+  for (size_t i = 0; i < calls.size(); ++i) {
+    if (!ReceiveResult(calls[i], from, &results[i])) return std::nullopt;
+  }
+  return results;
 }
 
 }  // namespace lumifold::device

@@ -1,60 +1,53 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
-#include <variant>
 #include <vector>
 
+#include "absl/types/span.h"
 #include "filter/manifold/manifold_device.h"
 #include "proto/device/socket_stream.h"
 
 namespace lumifold::device {
 
-// A call of filter::ManifoldDevice and its result between two processes of one program on one machine. The
+// Calls of filter::ManifoldDevice and their results between two processes of one program on one machine. The
 // process with the device is in no sandbox, the caller may be a sandboxed one that a malformed scene has
-// taken over: what is received of a call is checked.
+// taken over: what is received of calls is checked.
 
-/// Calls, and what they refer to.
-struct ReceivedFiltering {
-  Planes signals;
-  Planes features;
-  Plane mask;
+/// Calls, and what they refer to. Planes that several share are here once.
+struct ReceivedCalls {
+  struct Part {
+    std::vector<uint32_t> planes;  // numbers: of signals, colours of patches, features and the mask
+    std::vector<float> taps;
+    float scale = 1;
+    std::optional<filter::SlicePoints> points;
+  };
+
+  Planes planes;
   filter::ManifoldParams params;
   float reach = 1;
-  std::optional<filter::SlicePoints> points;
+  size_t signals = 0, colors = 0;
+  int radius = 0, dimensions = 0;
+  std::vector<Part> parts;
 
-  filter::ManifoldCall View() const {
-    return {signals, features, mask.view(), params, reach, points.has_value() ? &*points : nullptr};
-  }
+  std::vector<filter::ManifoldCall> View() const;
 };
 
-struct ReceivedProjection {
-  Planes color;
-  int radius = 1;
-  int dimensions = 1;
-  std::vector<float> taps;
-
-  filter::ProjectionCall View() const { return {color, radius, dimensions, taps}; }
-};
-
-using AnyCall = std::variant<ReceivedFiltering, ReceivedProjection>;
-
-/// Whether a call is within the limits of what is received.
-bool CanSend(const filter::ManifoldCall& call);
-bool CanSend(const filter::ProjectionCall& call);
-bool SendCall(const filter::ManifoldCall& call, SocketStream* to);
-bool SendCall(const filter::ProjectionCall& call, SocketStream* to);
-/// nullopt: the other end is closed, or this is no call that ManifoldFilterAtPoints or ProjectPatches takes.
-std::optional<AnyCall> ReceiveCall(SocketStream* from);
+/// Whether calls are within the limits of what is received.
+bool CanSend(absl::Span<const filter::ManifoldCall> calls);
+bool SendCalls(absl::Span<const filter::ManifoldCall> calls, SocketStream* to);
+/// nullopt: the other end is closed, or these are no calls that ManifoldFilterAtPoints and ProjectPatches
+/// take.
+std::optional<ReceivedCalls> ReceiveCalls(SocketStream* from);
 
 /// What is sent before a result: whether there is one, or the device leaves the call to the caller's
 /// processor.
 bool SendHasResult(bool has_result, SocketStream* to);
 /// nullopt: the other end is closed.
 std::optional<bool> ReceiveHasResult(SocketStream* from);
-bool SendResult(const filter::ManifoldResult& result, SocketStream* to);
-bool SendResult(const Planes& result, SocketStream* to);
-/// The result of `call`.
-std::optional<filter::ManifoldResult> ReceiveResult(const filter::ManifoldCall& call, SocketStream* from);
-std::optional<Planes> ReceiveResult(const filter::ProjectionCall& call, SocketStream* from);
+bool SendResults(const std::vector<filter::ManifoldResult>& results, SocketStream* to);
+/// The results of `calls`.
+std::optional<std::vector<filter::ManifoldResult>> ReceiveResults(
+    absl::Span<const filter::ManifoldCall> calls, SocketStream* from);
 
 }  // namespace lumifold::device

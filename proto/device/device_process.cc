@@ -67,26 +67,21 @@ class DeviceLink final : public filter::ManifoldDevice {
         on_trouble_(std::move(on_trouble)) {}
 
   std::string OtherBits() const override { return other_bits_; }
-  std::optional<filter::ManifoldResult> Filter(const filter::ManifoldCall& call) override {
-    return Ask(call);
-  }
-  std::optional<Planes> Project(const filter::ProjectionCall& call) override { return Ask(call); }
-
- private:
-  template <typename Call>
-  auto Ask(const Call& call) -> decltype(ReceiveResult(call, nullptr)) {
+  std::optional<std::vector<filter::ManifoldResult>> Filter(
+      absl::Span<const filter::ManifoldCall> calls) override {
     absl::MutexLock lock(&mutex_);
-    if (has_failed_ || !CanSend(call)) return std::nullopt;
-    decltype(ReceiveResult(call, nullptr)) result;
+    if (has_failed_ || !CanSend(calls)) return std::nullopt;
+    std::optional<std::vector<filter::ManifoldResult>> results;
     const std::optional<bool> has_result =
-        SendCall(call, &stream_) ? ReceiveHasResult(&stream_) : std::nullopt;
-    if (has_result.value_or(false)) result = ReceiveResult(call, &stream_);
-    if (result.has_value()) return result;
+        SendCalls(calls, &stream_) ? ReceiveHasResult(&stream_) : std::nullopt;
+    if (has_result.value_or(false)) results = ReceiveResults(calls, &stream_);
+    if (results.has_value()) return results;
     has_failed_ = has_result.value_or(true);
     if (has_failed_ || !std::exchange(has_left_, true)) on_trouble_();
     return std::nullopt;
   }
 
+ private:
   const rpc::FileHandle connection_;
   const std::string other_bits_;
   absl::Mutex mutex_;
@@ -103,10 +98,10 @@ class OwnDevice final : public filter::ManifoldDevice {
       : process_(std::move(process)), link_(process_->Link()) {}
 
   std::string OtherBits() const override { return link_->OtherBits(); }
-  std::optional<filter::ManifoldResult> Filter(const filter::ManifoldCall& call) override {
-    return link_->Filter(call);
+  std::optional<std::vector<filter::ManifoldResult>> Filter(
+      absl::Span<const filter::ManifoldCall> calls) override {
+    return link_->Filter(calls);
   }
-  std::optional<Planes> Project(const filter::ProjectionCall& call) override { return link_->Project(call); }
 
  private:
   const std::unique_ptr<DeviceProcess> process_;

@@ -15,7 +15,6 @@
 #include <set>
 #include <thread>
 #include <utility>
-#include <variant>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/status/status.h"
@@ -78,8 +77,8 @@ class Service {
     SocketStream stream(connection.get());
     bool works = true;
     while (works) {
-      const std::optional<AnyCall> call = ReceiveCall(&stream);
-      works = call.has_value() && std::visit([&](const auto& any) { return Answer(any, &stream); }, *call);
+      const std::optional<ReceivedCalls> calls = ReceiveCalls(&stream);
+      works = calls.has_value() && Answer(*calls, &stream);
     }
     absl::MutexLock lock(&mutex_);
     connections_.erase(connection.get());
@@ -109,16 +108,11 @@ class Service {
     return result;
   }
 
-  bool Answer(const ReceivedFiltering& call, SocketStream* stream) {
-    return Send(Watched([&] { return device_->Filter(call.View()); }), stream);
-  }
-  bool Answer(const ReceivedProjection& call, SocketStream* stream) {
-    return Send(Watched([&] { return device_->Project(call.View()); }), stream);
-  }
-  /// No result: the device leaves the call; one that fails ends the process.
-  template <typename Result>
-  static bool Send(const std::optional<Result>& result, SocketStream* stream) {
-    return SendHasResult(result.has_value(), stream) && (!result.has_value() || SendResult(*result, stream));
+  /// No results: the device leaves the calls; one that fails ends the process.
+  bool Answer(const ReceivedCalls& calls, SocketStream* stream) {
+    const auto results = Watched([&] { return device_->Filter(calls.View()); });
+    return SendHasResult(results.has_value(), stream) &&
+           (!results.has_value() || SendResults(*results, stream));
   }
 
   const absl::Duration time_limit_;

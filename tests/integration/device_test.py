@@ -9,6 +9,7 @@ import time
 import unittest
 
 from farm import Farm, make_scene, run, wait_until
+from page_link import PageLink
 
 FAULTY = os.environ["LUMIFOLD_FAULTY_OPENCL"]
 CACHE = pathlib.Path(os.environ["LUMIFOLD_DEVICE_CACHE"])
@@ -87,6 +88,26 @@ class DeviceTest(unittest.TestCase):
         self.assertGreater(self.uses(), 0)
         self.assertIn("event=device name=", workers_logs[1])
         self.assertNotIn("device_warning", "".join(workers_logs))
+
+    def preview(self, farm, job):
+        """The preview of an unfinished frame whose work rests."""
+        link = PageLink(farm.client("page").stdout.strip())
+        return wait_until(lambda: link.preview(job), "a preview")
+
+    def test_previews_of_unfinished_frames_are_filtered_on_a_device(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data, *ON_PROCESSOR) as farm:
+            worker = farm.start_worker("--finish", "never")
+            job = farm.client("submit", self.scene, "--size", "128x96", "--spp", "4096").stdout.strip()
+            wait_until(lambda: farm.status(job)["units_done"] > 0, "a unit")
+            self.assertEqual(worker.stop(), 0)
+            expected = self.preview(farm, job)
+            self.assertFalse(expected[0]["finished"])
+            self.assertEqual(farm.server.stop(), 0)
+            farm.server_arguments = ON_DEVICE
+            farm.restart_server()
+            self.assertEqual(self.preview(farm, job), expected)
+            self.assertGreater(self.uses(), 0)
+            self.assertNotIn("device_warning", farm.server.log_text())
 
     def test_a_device_that_hangs_costs_time_and_one_warning(self):
         os.environ["FAULTY_OPENCL"] = "clFinish:4:hang"

@@ -7,8 +7,6 @@
 #include <limits>
 #include <optional>
 #include <thread>
-#include <utility>
-#include <variant>
 #include <vector>
 
 #include "proto/rpc/byte_stream.h"
@@ -17,32 +15,36 @@
 namespace lumifold::device {
 namespace {
 
-/// A call that went over a socket.
-template <typename Received, typename Call>
-std::optional<Received> Transfer(const Call& call) {
+/// Calls that went over a socket.
+std::optional<ReceivedCalls> Transfer(const std::vector<filter::ManifoldCall>& calls) {
   std::array<int, 2> ends = {-1, -1};
   if (socketpair(AF_UNIX, SOCK_STREAM, 0, ends.data()) != 0) return std::nullopt;
   rpc::FileHandle from(ends[0]);
   const rpc::FileHandle to(ends[1]);
   std::thread sender([&] {
     SocketStream stream(from.get());
-    (void)SendCall(call, &stream);
+    (void)SendCalls(calls, &stream);
     from = {};
   });
   SocketStream stream(to.get());
-  std::optional<AnyCall> received = ReceiveCall(&stream);
+  std::optional<ReceivedCalls> received = ReceiveCalls(&stream);
   shutdown(to.get(), SHUT_RDWR);  // what is refused is not read to its end
   sender.join();
-  if (!received.has_value()) return std::nullopt;
-  return std::get<Received>(*std::move(received));
+  return received;
 }
 
 class CallMessages : public testing::Test {
  protected:
   filter::ManifoldCall Call() const {
-    return {input_.signals, input_.features, input_.mask.view(), params_, reach_, &points_};
+    return {filter::ViewsOf(input_.signals),
+            {filter::ViewsOf(input_.signals), radius_, dimensions_, taps_, 1},
+            filter::ViewsOf(input_.features),
+            input_.mask.view(),
+            params_,
+            reach_,
+            &points_};
   }
-  bool IsReceived() const { return Transfer<ReceivedFiltering>(Call()).has_value(); }
+  bool IsReceived() const { return Transfer({Call()}).has_value(); }
 
   CallMessages() { filter::AddSignals(3, &points_); }
 
@@ -50,25 +52,49 @@ class CallMessages : public testing::Test {
   filter::SlicePoints points_ = filter::MakePoints(input_, 2, 2);
   filter::ManifoldParams params_ = {.height = 3, .keeps_mass = true, .is_first_order = true};
   float reach_ = 5;
+  int radius_ = 1, dimensions_ = 5;
+  std::vector<float> taps_ = std::vector<float>(3 * 5 * 9, 0.5f);
 };
 
 TEST_F(CallMessages, ArriveAsTheyWere) {
-  const std::optional<ReceivedFiltering> received = Transfer<ReceivedFiltering>(Call());
+  const std::optional<ReceivedCalls> received = Transfer({Call()});
   ASSERT_TRUE(received.has_value());
-  EXPECT_EQ(received->params.height, 3);
-  EXPECT_TRUE(received->params.keeps_mass && received->params.is_first_order);
-  EXPECT_EQ(received->reach, 5);
-  EXPECT_EQ(received->points->pixels, points_.pixels);
-  EXPECT_EQ(received->points->features, points_.features);
-  EXPECT_EQ(received->points->signals, points_.signals);
-  EXPECT_EQ(received->points->weights, points_.weights);
+  const filter::ManifoldCall call = received->View().front();
+  EXPECT_EQ(call.params.height, 3);
+  EXPECT_TRUE(call.params.keeps_mass && call.params.is_first_order);
+  EXPECT_EQ(call.reach, 5);
+  EXPECT_EQ(call.patches.radius, 1);
+  EXPECT_EQ(call.patches.dimensions, 5);
+  EXPECT_EQ(call.patches.taps, absl::MakeConstSpan(taps_));
+  EXPECT_EQ(call.points->pixels, points_.pixels);
+  EXPECT_EQ(call.points->features, points_.features);
+  EXPECT_EQ(call.points->signals, points_.signals);
+  EXPECT_EQ(call.points->weights, points_.weights);
   for (int y = 0; y < 7; ++y) {
     for (int x = 0; x < 19; ++x) {
-      EXPECT_EQ(received->mask.At(x, y), input_.mask.At(x, y));
-      EXPECT_EQ(received->signals[2].At(x, y), input_.signals[2].At(x, y));
-      EXPECT_EQ(received->features[3].At(x, y), input_.features[3].At(x, y));
+      EXPECT_EQ(call.mask.At(x, y), input_.mask.At(x, y));
+      EXPECT_EQ(call.signals[2].At(x, y), input_.signals[2].At(x, y));
+      EXPECT_EQ(call.patches.color[1].At(x, y), input_.signals[1].At(x, y));
+      EXPECT_EQ(call.features[3].At(x, y), input_.features[3].At(x, y));
     }
   }
+}
+
+TEST_F(CallMessages, OfSeveralCallsHaveEachPlaneOnce) {
+  const filter::ManifoldInput other = filter::MakeManifoldInput(19, 7, 1, true, 4);
+  filter::ManifoldCall second = Call();
+  second.signals = filter::ViewsOf(other.signals);
+  second.patches.scale = 2;
+  second.points = nullptr;
+  const std::optional<ReceivedCalls> received = Transfer({Call(), second});
+  ASSERT_TRUE(received.has_value());
+  EXPECT_EQ(received->planes.size(), 3 + 4 + 1 + 3);
+  const std::vector<filter::ManifoldCall> calls = received->View();
+  ASSERT_EQ(calls.size(), 2);
+  EXPECT_EQ(calls[1].signals[0].At(3, 2), other.signals[0].At(3, 2));
+  EXPECT_EQ(calls[1].features[0].Row(0), calls[0].features[0].Row(0));
+  EXPECT_EQ(calls[1].patches.scale, 2);
+  EXPECT_EQ(calls[1].points, nullptr);
 }
 
 /// The process with the device is in no sandbox; the caller may be one that a malformed scene has taken over.
@@ -79,7 +105,7 @@ TEST_F(CallMessages, OfNoValidCallAreRefused) {
   points_.pixels.back() = {0, -1};
   EXPECT_FALSE(IsReceived()) << "a point above the picture";
   points_.pixels.back() = {0, 0};
-  points_.own_features = 5;
+  points_.own_features = 10;
   EXPECT_FALSE(IsReceived()) << "points with more features than pixels have";
   points_.own_features = 2;
   for (const int height : {0, 9}) {
@@ -99,20 +125,15 @@ TEST_F(CallMessages, OfNoValidCallAreRefused) {
   EXPECT_FALSE(IsReceived()) << "planes fitted to two signals";
 }
 
-TEST_F(CallMessages, OfProjectionsArriveAsTheyWereOrNotAtAll) {
-  std::vector<float> taps(3 * 5 * 9, 0.5f);
-  const auto transfer = [&](int radius, int dimensions) {
-    return Transfer<ReceivedProjection>(filter::ProjectionCall{input_.signals, radius, dimensions, taps});
-  };
-  const std::optional<ReceivedProjection> received = transfer(1, 5);
-  ASSERT_TRUE(received.has_value());
-  EXPECT_EQ(received->radius, 1);
-  EXPECT_EQ(received->dimensions, 5);
-  EXPECT_EQ(received->taps, taps);
-  EXPECT_EQ(received->color[1].At(18, 6), input_.signals[1].At(18, 6));
-  EXPECT_FALSE(transfer(2, 5).has_value()) << "more taps than there are";
-  EXPECT_FALSE(transfer(-1, 5).has_value());
-  EXPECT_FALSE(transfer(1, 0).has_value());
+TEST_F(CallMessages, OfNoValidProjectionAreRefused) {
+  EXPECT_TRUE(IsReceived());
+  radius_ = 2;
+  EXPECT_FALSE(IsReceived()) << "more taps than there are";
+  radius_ = -1;
+  EXPECT_FALSE(IsReceived());
+  radius_ = 1;
+  dimensions_ = -5;
+  EXPECT_FALSE(IsReceived());
 }
 
 }  // namespace

@@ -187,10 +187,11 @@ TEST(ManifoldFilter, IsTheSameInAnyMemoryOfADevice) {
     for (const int height : {1, 2, 4}) {
       const ManifoldParams params = {
           .sigma_s = 7, .height = height, .cell = 4, .keeps_mass = true, .is_first_order = fits};
-      const ManifoldCall call = {input.signals, input.features, input.mask.view(), params, 16, &points};
-      const DeviceMemory least = LeastMemory(call);
+      const ManifoldCall call = {
+          ViewsOf(input.signals), {}, ViewsOf(input.features), input.mask.view(), params, 16, &points};
+      const DeviceMemory least = LeastMemory({&call, 1});
       const auto run = [&](const DeviceMemory& memory) {
-        return ManifoldFilterOracle(call.signals, call.features, call.mask, params, 16, &points, memory);
+        return std::move(FilterOracle({&call, 1}, memory).front());
       };
       const ManifoldResult whole = run({});
       for (const uint64_t percent : {100, 115, 140, 200}) {

@@ -16,7 +16,6 @@
 #include "filter/manifold/manifold_constants.h"
 #include "filter/opencl/kernel_run.h"
 #include "filter/opencl/manifold_run.h"
-#include "filter/opencl/projection_run.h"
 
 namespace lumifold::filter {
 namespace {
@@ -40,12 +39,12 @@ constexpr int MOST_STEP = 64;
 #define __kernel
 #define __global
 #include "filter/opencl/manifold.cl"
-#include "filter/opencl/projection.cl"
 using ulong = uint64_t;
 double as_double(ulong bits) { return std::bit_cast<double>(bits); }
 constexpr ulong kLeastSpread = std::bit_cast<ulong>(filter::kLeastSpread);
 #define DOUBLES 1
 #include "filter/opencl/covariance.cl"
+#include "filter/opencl/projection.cl"
 
 }  // namespace kernels
 
@@ -71,6 +70,9 @@ class RunInCpp final : public KernelRun {
   }
   void Write(Buffer to, size_t offset, const void* from, size_t bytes) override {
     if (bytes > 0) std::memcpy(MemoryOf(to) + offset, from, bytes);
+  }
+  void Copy(Buffer from, Buffer to, size_t to_offset, size_t bytes) override {
+    if (bytes > 0) std::memcpy(MemoryOf(to) + to_offset, MemoryOf(from), bytes);
   }
   void Run(const char* kernel, size_t items, std::initializer_list<Argument> arguments) override;
   absl::Status Finish() override { return absl::OkStatus(); }
@@ -116,7 +118,8 @@ void RunInCpp::Run(const char* kernel, size_t items, std::initializer_list<Argum
     return name == other;
   };
 #define LUMIFOLD_CALL(other) call_if(#other, kernels::other)
-  const bool is_known = LUMIFOLD_CALL(ClusterSums) || LUMIFOLD_CALL(EvenRows) || LUMIFOLD_CALL(EvenColumns) ||
+  const bool is_known = LUMIFOLD_CALL(Clear) || LUMIFOLD_CALL(ShareFeatures) || LUMIFOLD_CALL(Replace) ||
+                        LUMIFOLD_CALL(ClusterSums) || LUMIFOLD_CALL(EvenRows) || LUMIFOLD_CALL(EvenColumns) ||
                         LUMIFOLD_CALL(Heights) || LUMIFOLD_CALL(RowCovariance) || LUMIFOLD_CALL(Covariance) ||
                         LUMIFOLD_CALL(Axis) || LUMIFOLD_CALL(Weigh) || LUMIFOLD_CALL(KeepMass) ||
                         LUMIFOLD_CALL(Splat) || LUMIFOLD_CALL(Moments) || LUMIFOLD_CALL(Links) ||
@@ -131,15 +134,40 @@ void RunInCpp::Run(const char* kernel, size_t items, std::initializer_list<Argum
 ManifoldResult ManifoldFilterOracle(const Planes& signals, const Planes& features, ConstFloatView mask,
                                     const ManifoldParams& params, float reach, const SlicePoints* points,
                                     const DeviceMemory& memory) {
-  const ManifoldCall call = {signals, features, mask, params, reach, points};
-  RunInCpp run(KernelsOf(call), memory);
-  return *RunManifolds(call, memory, &run);
+  const ManifoldCall call = {ViewsOf(signals), {}, ViewsOf(features), mask, params, reach, points};
+  return std::move(FilterOracle({&call, 1}, memory).front());
+}
+
+std::vector<ManifoldResult> FilterOracle(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory) {
+  RunInCpp run(KernelsOf(calls.front()), memory);
+  return *RunManifolds(calls, memory, &run);
 }
 
 Planes ProjectPatchesOracle(const Planes& color, const PatchBasis& basis) {
-  const ProjectionCall call = {color, basis.radius, basis.dimensions, basis.kernels};
-  RunInCpp run({.kernels = Kernels::kProjection});
-  return *RunProjection(call, &run);
+  const Grid grid = {
+      .width = color[0].width(), .height = color[0].height(), .columns = 0, .rows = 0, .points = 0};
+  const size_t row = static_cast<size_t>(grid.width), pixels = row * static_cast<size_t>(grid.height);
+  const size_t bytes = pixels * sizeof(float), dimensions = static_cast<size_t>(basis.dimensions);
+  RunInCpp run({});
+  const KernelRun::Buffer colors = run.Allocate(color.size() * bytes);
+  const KernelRun::Buffer taps = run.Allocate(basis.kernels.size() * sizeof(float));
+  const KernelRun::Buffer result = run.Allocate(dimensions * bytes);
+  for (size_t c = 0; c < color.size(); ++c) {
+    for (size_t y = 0; y < static_cast<size_t>(grid.height); ++y)
+      run.Write(colors, c * bytes + y * row * sizeof(float), color[c].Row(static_cast<int>(y)),
+                row * sizeof(float));
+  }
+  run.Write(taps, 0, basis.kernels.data(), basis.kernels.size() * sizeof(float));
+  run.Run(
+      "Project", dimensions * pixels,
+      {grid, static_cast<int32_t>(color.size()), basis.dimensions, basis.radius, 1.0f, colors, taps, result});
+  Planes planes = MakeUninitializedPlanes(dimensions, grid.width, grid.height);
+  for (size_t k = 0; k < dimensions; ++k) {
+    for (size_t y = 0; y < static_cast<size_t>(grid.height); ++y)
+      (void)run.Read(result, k * bytes + y * row * sizeof(float), row * sizeof(float),
+                     planes[k].Row(static_cast<int>(y)));
+  }
+  return planes;
 }
 
 }  // namespace lumifold::filter

@@ -1,7 +1,11 @@
 #pragma once
 
+#include <vector>
+
+#include "absl/types/span.h"
 #include "filter/image/planes.h"
 #include "filter/layers/nlm_space.h"
+#include "filter/manifold/manifold_device.h"
 #include "filter/manifold/manifold_filter.h"
 #include "filter/opencl/kernel_run.h"
 
@@ -12,6 +16,9 @@ namespace lumifold::filter {
 ManifoldResult ManifoldFilterOracle(const Planes& signals, const Planes& features, ConstFloatView mask,
                                     const ManifoldParams& params, float reach, const SlicePoints* points,
                                     const DeviceMemory& memory = {});
+
+/// ManifoldDevice::Filter by the same.
+std::vector<ManifoldResult> FilterOracle(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory);
 
 /// ProjectPatches by the kernel of projection.cl.
 Planes ProjectPatchesOracle(const Planes& color, const PatchBasis& basis);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "filter/blocks.h"
+#include "filter/layers/guide.h"
 #include "filter/layers/nlm_space.h"
 #include "filter/manifold/manifold_device.h"
 #include "filter/methods.h"
@@ -69,8 +70,7 @@ class OpenCl : public testing::Test {
     EXPECT_EQ(here.points.weights, there.points.weights);
   }
 
-  void ExpectSame(const LayeredImage& film, const LayeredImage* edges,
-                  const std::string& method = "default") {
+  void ExpectSame(const LayeredImage& film, const LayeredImage* edges, const std::string& method) {
     const auto here = FilterFilm(film, method, nullptr, edges);
     const auto there = FilterFilm(film, method, pool_.get(), edges);
     ASSERT_TRUE(here.ok() && there.ok()) << here.status() << there.status();
@@ -112,40 +112,65 @@ TEST_F(OpenCl, GivesTheBitsOfThisProcessorForPoints) {
   }
 }
 
-TEST_F(OpenCl, GivesTheBitsOfThisProcessorForProjectionsOfPatches) {
-  constexpr std::pair<int, int> kSizes[] = {{37, 29}, {1, 17}, {23, 1}, {1, 1}, {70, 41}};
-  for (const auto& [width, height] : kSizes) {
+TEST_F(OpenCl, GivesTheBitsOfThisProcessorForGuidesWhosePatchesItProjects) {
+  for (const auto& [width, height] : {std::pair(37, 29), {1, 17}, {23, 1}}) {
     const ManifoldInput input = MakeManifoldInput(width, height, 2, true, 16);
-    for (const int radius : {1, 2, 3}) {
+    SlicePoints points = MakePoints(input, 2, 2);
+    AddSignals(3, &points);
+    for (const int radius : {1, 3}) {
       SCOPED_TRACE(testing::Message() << width << " x " << height << ", radius " << radius);
       const PatchBasis basis =
           FitPatchBasis(input.signals, input.mask.view(), {.radius = radius, .most_dimensions = 5}, nullptr);
-      EXPECT_TRUE(AreSame(ProjectPatches(input.signals, basis, nullptr),
-                          ProjectPatches(input.signals, basis, pool_.get())));
+      const JointGuide guide = MakeJointGuide(Clone(input.signals), basis, 0.5f, input.features);
+      const ManifoldInput other = MakeManifoldInput(width, height, 2, false, 17);
+      const std::vector<GuidedFiltering> filterings = {
+          {input.signals, guide, 1, input.mask.view(), &points},
+          {other.signals, guide, 0.7f, input.mask.view(), nullptr}};
+      const auto run = [&](TaskPool* pool) { return FilterGuided(filterings, {.height = 3}, 16, pool); };
+      const std::vector<ManifoldResult> here = run(nullptr), there = run(pool_.get());
+      for (size_t i = 0; i < 2; ++i) {
+        EXPECT_TRUE(AreSame(here[i].filtered, there[i].filtered));
+        EXPECT_EQ(here[i].points.values, there[i].points.values);
+      }
     }
   }
 }
 
-TEST_F(OpenCl, GivesTheBitsOfThisProcessorForFilms) {
-  ExpectSame(MakeSyntheticFilm(97, 61, 0.3f, 3).film, nullptr);
+TEST_F(OpenCl, GivesTheBitsOfThisProcessorForAllMethodsAndFilms) {
   const LayeredImage edges = EdgeSet();
-  ExpectSame(EdgeFilm(), &edges);
-  ExpectSame(MirrorFilm(), nullptr);
+  struct Case {
+    const char* name;
+    LayeredImage film;
+    const LayeredImage* edges = nullptr;
+  };
+  std::vector<Case> cases;
+  cases.push_back({"odd sizes", MakeSyntheticFilm(61, 43, 0.3f, 3).film});
+  cases.push_back({"one pixel wide", MakeSyntheticFilm(1, 33, 0.3f, 4).film});
+  cases.push_back({"one pixel high", MakeSyntheticFilm(37, 1, 0.3f, 5).film});
+  cases.push_back({"one pixel", MakeSyntheticFilm(1, 1, 0.3f, 6).film});
+  cases.push_back({"edges", EdgeFilm(), &edges});
+  cases.push_back({"levels", MirrorFilm()});
+  std::vector<std::string> methods = {"manifolds-color:patch=3"};
+  for (const MethodInfo& method : Methods()) methods.emplace_back(method.name);
+  for (const Case& c : cases) {
+    for (const std::string& method : methods) {
+      SCOPED_TRACE(std::string(c.name) + ", " + method);
+      ExpectSame(c.film, c.edges, method);
+    }
+  }
 }
 
 TEST_F(OpenCl, GivesTheBitsOfThisProcessorForFilmsInBlocks) {
   const LayeredImage film = MakeSyntheticFilm(100, 40, 0.3f, 3).film;
   constexpr BlockParams kSmall = {.core = 64, .margin = 64, .fade = 16, .whole = 0};
-  FilmInMemory source(film, nullptr, nullptr);
-  const auto here = FilterFilmByRows(&source, "default", nullptr, kSmall);
-  const auto there = FilterFilmByRows(&source, "default", pool_.get(), kSmall);
-  ASSERT_TRUE(here.ok() && there.ok());
-  EXPECT_TRUE(AreEqual(*here, *there));
-}
-
-TEST_F(OpenCl, GivesTheBitsOfThisProcessorForOtherMethods) {
-  const LayeredImage film = MakeSyntheticFilm(97, 61, 0.3f, 3).film;
-  for (const char* method : {"paper", "manifolds-color"}) ExpectSame(film, nullptr, method);
+  for (const char* method : {"default", "paper"}) {
+    SCOPED_TRACE(method);
+    FilmInMemory source(film, nullptr, nullptr);
+    const auto here = FilterFilmByRows(&source, method, nullptr, kSmall);
+    const auto there = FilterFilmByRows(&source, method, pool_.get(), kSmall);
+    ASSERT_TRUE(here.ok() && there.ok());
+    EXPECT_TRUE(AreEqual(*here, *there));
+  }
 }
 
 /// A device that has lost its memory, or is lost itself.

@@ -12,6 +12,7 @@
 #include "tests/charts/access/charts_access.h"
 #include "tests/support/analytic_scenes.h"
 #include "tests/unit/render/pictures.h"
+#include "worker/render/lanes/pick_lanes.h"
 #include "worker/render/lanes/vertex_lanes.h"
 #include "worker/render/sampling/sampler.h"
 
@@ -78,6 +79,44 @@ TEST(Lanes, APassIsIndependentOfTheStream) {
 }
 
 bool IsSame(Vec2 a, Vec2 b) { return a.x == b.x && a.y == b.y; }
+
+TEST(Lanes, PickTheLightThatTheTreePicks) {
+  const auto number = [](uint32_t of, uint32_t what) {
+    return static_cast<float>(Sampler(7, 0, int64_t{of}, 0).Get2D(what).x);
+  };
+  const auto vector = [&](uint32_t of, uint32_t what) {
+    return Vec3{number(of, what), number(of, what + 1), number(of, what + 2)} * 4 - Vec3{2, 2, 2};
+  };
+  for (const uint32_t count : {1u, 2u, 7u, 16u}) {
+    std::vector<EmitterBounds> emitters(count);
+    for (uint32_t i = 0; i < count; ++i) {
+      const Vec3 corner = vector(i, 0);
+      emitters[i] = {.box = {corner, corner + Vec3{1, 0, 1}}, .axis = Normalize(vector(i, 3))};
+      emitters[i].both_sides = i % 3 == 0;
+      emitters[i].intensity = static_cast<double>(1 + i);
+    }
+    const LightTree tree(emitters);
+    ASSERT_NE(tree.OnlyLeaf(), nullptr);
+    std::array<SurfaceRecord, kMaxLanes> surfaces;
+    VertexLanes lanes;
+    for (uint32_t i = 0; i < kMaxLanes; ++i) {
+      surfaces[i].position = vector(100 + i, 0);
+      surfaces[i].normal = Normalize(vector(100 + i, 3));
+      lanes.vertices[i].surface = &surfaces[i];
+      lanes.random.light_and_lobe.x[i] = 0.25f * number(100 + i, 6);
+    }
+    ForEachInstructionSet([&] {
+      PickLanes(*tree.OnlyLeaf(), 0.25f, kMaxLanes, &lanes);
+      for (size_t i = 0; i < kMaxLanes; ++i) {
+        const LightTree::Choice alone = tree.Pick({surfaces[i].position, surfaces[i].normal, false},
+                                                  lanes.random.light_and_lobe.x[i] / 0.25f);
+        EXPECT_EQ(lanes.choice.probability[i], alone.probability) << i;
+        if (alone.probability <= 0) continue;
+        EXPECT_EQ(tree.OnlyLeaf()->emitters[static_cast<size_t>(lanes.choice.slot[i])], alone.emitter) << i;
+      }
+    });
+  }
+}
 
 TEST(Lanes, NumbersAreThoseOfTheSampler) {
   std::vector<Sampler> samplers;

@@ -110,7 +110,8 @@ struct LaneVertex {
 
 /// Numbers of the vertices that are in no record.
 struct ChoiceLanes {
-  LaneRow probability;  // of the triangle
+  LaneRow slot;         // of the picked light in its leaf
+  LaneRow probability;  // of that light; then, of the triangle
   LaneRow is_seen;      // 1: the surface's lobes are kept apart
   LaneRow roulette;     // see RouletteFactor()
 };

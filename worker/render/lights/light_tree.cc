@@ -8,8 +8,15 @@
 #include <span>
 
 #include "filter/image/portable_math.h"
+#include "worker/render/sampling/frame.h"
 
 namespace lumifold::render {
+namespace one {
+
+#include "worker/render/lights/importance-inl.h"
+
+}  // namespace one
+
 namespace {
 
 using scene::Bounds;
@@ -92,15 +99,10 @@ double Cost(const EmitterBounds& b) {
   return b.intensity * OrientationMeasure(b) * static_cast<double>(LengthSquared(b.box.max - b.box.min));
 }
 
-/// Cosine and sine of max(0, a - b), from the sines and cosines of a and b.
-float CosineOfDifference(float sin_a, float cos_a, float sin_b, float cos_b) {
-  return cos_a > cos_b ? 1.0f : cos_a * cos_b + sin_a * sin_b;
+/// Inline in LightLeaf::Weigh(), whose loop becomes vectors.
+inline float ImportanceOf(const LightExtent& extent, const LightReceiver& receiver) {
+  return one::Importance(extent, receiver.position, receiver.normal, receiver.transmits ? -1.0f : 1.0f);
 }
-float SineOfDifference(float sin_a, float cos_a, float sin_b, float cos_b) {
-  return cos_a > cos_b ? 0.0f : sin_a * cos_b - cos_a * sin_b;
-}
-
-float SineOf(float cosine) { return std::sqrt(std::max(0.0f, 1.0f - cosine * cosine)); }
 
 }  // namespace
 
@@ -119,7 +121,7 @@ struct LightTree::Builder {
     std::vector<Node>& nodes = tree->nodes_;
     const size_t index = nodes.size();
     nodes.push_back({ExtentOf(BoundsOf(range))});
-    if (range.size() <= kLeafSize) {
+    if (range.size() <= LightLeaf::kSize) {
       nodes[index].link = kLeaf | static_cast<uint32_t>(tree->leaves_.size());
       MakeLeaf(range, bit_trail);
       return;
@@ -131,7 +133,7 @@ struct LightTree::Builder {
   }
 
   void MakeLeaf(std::span<const uint32_t> range, uint64_t bit_trail) {
-    Leaf& leaf = tree->leaves_.emplace_back();
+    LightLeaf& leaf = tree->leaves_.emplace_back();
     for (const uint32_t i : range) {
       tree->places_[i] = {bit_trail, static_cast<int>(leaf.count)};
       leaf.Add(ExtentOf(emitters[i]), i);
@@ -201,8 +203,8 @@ LightTree::LightTree(const std::vector<EmitterBounds>& emitters) {
   if (!range.empty()) Builder{emitters, this}.Build(range, 0, 0);
 }
 
-LightTree::Extent LightTree::ExtentOf(const EmitterBounds& bounds) {
-  Extent extent;
+LightExtent LightTree::ExtentOf(const EmitterBounds& bounds) {
+  LightExtent extent;
   extent.center = CenterOf(bounds.box);
   extent.radius = 0.5f * Length(bounds.box.max - bounds.box.min);
   extent.axis = bounds.axis;
@@ -214,35 +216,7 @@ LightTree::Extent LightTree::ExtentOf(const EmitterBounds& bounds) {
   return extent;
 }
 
-/// Without branches, so that compilers make vectors of it in Leaf::Weigh().
-inline float LightTree::Importance(const Extent& extent, const LightReceiver& receiver) {
-  const Vec3 offset = receiver.position - extent.center;
-  const float distance2 = LengthSquared(offset);
-  const float radius2 = extent.radius * extent.radius;
-  // Near or inside the box the distance to its centre is meaningless.
-  const float reach2 = std::max(distance2, radius2);
-  const float inverse = 1.0f / std::sqrt(std::max(distance2, std::numeric_limits<float>::min()));
-  // The cone of directions in which the box lies.
-  const bool inside = distance2 <= radius2;
-  const float sin_box = inside ? 0.0f : extent.radius * inverse;
-  const float cos_box = inside ? -1.0f : SineOf(sin_box);
-
-  const float cos_front = Dot(extent.axis, offset) * inverse;
-  const float cos_axis = std::max(cos_front, (1.0f - 2.0f * extent.both_sides) * cos_front);
-  const float sin_axis = SineOf(cos_axis);
-  const float cos_cone = CosineOfDifference(sin_axis, cos_axis, extent.sin_spread, extent.cos_spread);
-  const float sin_cone = SineOfDifference(sin_axis, cos_axis, extent.sin_spread, extent.cos_spread);
-  const float cos_emitted = CosineOfDifference(sin_cone, cos_cone, sin_box, cos_box);
-
-  const float cos_above = -Dot(receiver.normal, offset) * inverse;
-  const float cos_normal = std::max(cos_above, (receiver.transmits ? -1.0f : 1.0f) * cos_above);
-  const float cos_received = CosineOfDifference(SineOf(cos_normal), cos_normal, sin_box, cos_box);
-  const float importance = std::max(0.0f, extent.intensity * cos_emitted * cos_received / reach2);
-  const float emitted = cos_emitted <= extent.cos_falloff ? 0.0f : importance;
-  return reach2 > 0 ? emitted : extent.intensity;
-}
-
-void LightTree::Leaf::Add(const Extent& extent, uint32_t emitter) {
+void LightLeaf::Add(const LightExtent& extent, uint32_t emitter) {
   x[count] = extent.center.x;
   y[count] = extent.center.y;
   z[count] = extent.center.z;
@@ -258,7 +232,7 @@ void LightTree::Leaf::Add(const Extent& extent, uint32_t emitter) {
   emitters[count++] = emitter;
 }
 
-LightTree::Leaf::Weights LightTree::Leaf::Weigh(LightReceiver receiver) const {
+LightLeaf::Weights LightLeaf::Weigh(LightReceiver receiver) const {
   Weights weights;
   if (count == 1) {  // whatever it is worth
     weights.of[0] = weights.sum = 1;
@@ -268,15 +242,7 @@ LightTree::Leaf::Weights LightTree::Leaf::Weigh(LightReceiver receiver) const {
   const size_t end = (count + kVector - 1) / kVector * kVector;
   Row row = {};  // a local: to store in it changes none of the numbers that are read
   for (size_t i = 0; i < end; ++i) {
-    row[i] = Importance({{x[i], y[i], z[i]},
-                         radius[i],
-                         {axis_x[i], axis_y[i], axis_z[i]},
-                         cos_spread[i],
-                         sin_spread[i],
-                         cos_falloff[i],
-                         intensity[i],
-                         both_sides[i]},
-                        receiver);
+    row[i] = ImportanceOf(At(i), receiver);
   }
   weights.of = row;
   weights.sum = 0;
@@ -285,8 +251,8 @@ LightTree::Leaf::Weights LightTree::Leaf::Weigh(LightReceiver receiver) const {
 }
 
 float LightTree::FirstShare(uint32_t index, const LightReceiver& receiver) const {
-  const float first = Importance(nodes_[index + 1].extent, receiver);
-  const float sum = first + Importance(nodes_[nodes_[index].link].extent, receiver);
+  const float first = ImportanceOf(nodes_[index + 1].extent, receiver);
+  const float sum = first + ImportanceOf(nodes_[nodes_[index].link].extent, receiver);
   return sum > 0 ? first / sum : -1.0f;
 }
 
@@ -304,8 +270,8 @@ LightTree::Choice LightTree::Pick(const LightReceiver& receiver, float u) const 
     probability *= go_first ? share : 1.0f - share;
     index = go_first ? index + 1 : second;
   }
-  const Leaf& leaf = leaves_[nodes_[index].link & ~kLeaf];
-  const Leaf::Weights weights = leaf.Weigh(receiver);
+  const LightLeaf& leaf = leaves_[nodes_[index].link & ~kLeaf];
+  const LightLeaf::Weights weights = leaf.Weigh(receiver);
   if (weights.sum <= 0) return choice;
   float left = u * weights.sum;
   size_t picked = 0;
@@ -333,7 +299,7 @@ float LightTree::Probability(const LightReceiver& receiver, uint32_t emitter) co
     probability *= go_first ? share : 1.0f - share;
     index = go_first ? index + 1 : second;
   }
-  const Leaf::Weights weights = leaves_[nodes_[index].link & ~kLeaf].Weigh(receiver);
+  const LightLeaf::Weights weights = leaves_[nodes_[index].link & ~kLeaf].Weigh(receiver);
   return weights.sum > 0 ? probability * (weights.of[static_cast<size_t>(place.slot)] / weights.sum) : 0.0f;
 }
 

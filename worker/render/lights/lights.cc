@@ -218,23 +218,16 @@ EmitterBounds LightSet::BoundsOf(uint32_t emitter, double intensity) const {
 }
 
 LightSample LightSet::Sample(const LightReceiver& from, float u_light, Vec2 u) const {
-  if (u_light >= finite_share_) return SampleInfinite((u_light - finite_share_) / (1.0f - finite_share_), u);
-  const LightTree::Choice choice = PickFinite(from, u_light);
+  if (u_light >= finite_share_) return SampleInfinite(u_light, u);
+  return SampleFinite(PickFinite(from, u_light), from.position, u);
+}
+
+LightSample LightSet::SampleFinite(const LightTree::Choice& choice, Vec3 from, Vec2 u) const {
   if (choice.probability <= 0) return {};
   const float probability = finite_share_ * choice.probability;
   if (choice.emitter < triangles_.size())
-    return SampleTriangle(triangles_[choice.emitter], probability, from.position, u);
-  return SamplePunctual(points_[choice.emitter - triangles_.size()], probability, from.position);
-}
-
-const LightTriangle* LightSet::PickPlainTriangle(const LightReceiver& from, float u_light,
-                                                 float* probability) const {
-  if (u_light >= finite_share_) return nullptr;
-  const LightTree::Choice choice = PickFinite(from, u_light);
-  if (choice.probability <= 0 || choice.emitter >= triangles_.size()) return nullptr;
-  *probability = finite_share_ * choice.probability;
-  const LightTriangle& light = triangles_[choice.emitter];
-  return light.IsPlain() ? &light : nullptr;
+    return SampleTriangle(triangles_[choice.emitter], probability, from, u);
+  return SamplePunctual(points_[choice.emitter - triangles_.size()], probability, from);
 }
 
 LightSample LightSet::SampleTriangle(const LightTriangle& light, float probability, Vec3 from, Vec2 u) const {
@@ -275,7 +268,7 @@ LightSample LightSet::SamplePunctual(const PunctualEmitter& light, float probabi
 
 LightSample LightSet::SampleInfinite(float u_light, Vec2 u) const {
   LightSample sample;
-  const uint32_t index = infinite_.Pick(u_light);
+  const uint32_t index = infinite_.Pick((u_light - finite_share_) / (1.0f - finite_share_));
   const float probability = (1.0f - finite_share_) * infinite_.Probability(index);
   if (index < directional_.size()) {
     sample.is_delta = true;

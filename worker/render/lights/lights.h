@@ -61,9 +61,23 @@ class LightSet {
   /// in [0, 1). The set must not be empty.
   LightSample Sample(const LightReceiver& from, float u_light, scene::Vec2 u) const;
 
-  /// The plain triangle of which Sample() returns a point for these arguments, and the probability of that;
-  /// null: it is another light, or none.
-  const LightTriangle* PickPlainTriangle(const LightReceiver& from, float u_light, float* probability) const;
+  /// Sample() in two steps: the finite light that `u_light` below finite_share() picks, and a sample of it.
+  /// The tree has a leaf for lanes if it has few lights; then its choice is by `u_light` over
+  /// finite_share().
+  float finite_share() const { return finite_share_; }
+  const LightLeaf* OnlyLeaf() const { return tree_.OnlyLeaf(); }
+  LightTree::Choice PickFinite(const LightReceiver& from, float u_light) const {
+    return tree_.Pick(from, u_light / finite_share_);
+  }
+  LightSample SampleFinite(const LightTree::Choice& choice, scene::Vec3 from, scene::Vec2 u) const;
+  /// What remains for `u_light` from finite_share() on.
+  LightSample SampleInfinite(float u_light, scene::Vec2 u) const;
+
+  /// The picked light, if it is a plain triangle; else null.
+  const LightTriangle* PlainTriangle(const LightTree::Choice& choice) const {
+    const bool is_triangle = choice.probability > 0 && choice.emitter < triangles_.size();
+    return is_triangle && triangles_[choice.emitter].IsPlain() ? &triangles_[choice.emitter] : nullptr;
+  }
 
   /// The density, per steradian at `from`, with which Sample() returns the point of this triangle at
   /// `distance`, where the direction has the cosine `cos_light` to its normal; 0 if it is no light.
@@ -84,15 +98,11 @@ class LightSet {
   void AddPunctual(const scene::Scene& scene, double scene_radius, Powers* powers);
   void AddEnvironment(std::shared_ptr<const Environment> environment, double scene_radius, Powers* powers);
   EmitterBounds BoundsOf(uint32_t emitter, double intensity) const;
-  LightTree::Choice PickFinite(const LightReceiver& from, float u_light) const {
-    return tree_.Pick(from, finite_share_ < 1 ? u_light / finite_share_ : u_light);
-  }
   // Of a light that was picked with this probability. Each sample is built where the caller keeps it: a copy
   // of what was just written in parts waits for these stores.
   LightSample SampleTriangle(const LightTriangle& light, float probability, scene::Vec3 from,
                              scene::Vec2 u) const;
   LightSample SamplePunctual(const PunctualEmitter& light, float probability, scene::Vec3 from) const;
-  LightSample SampleInfinite(float u_light, scene::Vec2 u) const;
 
   const scene::Scene* scene_;
   const TextureSampler* textures_;

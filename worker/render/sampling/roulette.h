@@ -4,12 +4,12 @@
 
 namespace lumifold::render {
 
-/// Russian roulette: the probability with which a path goes on from a vertex is this times its throughput. Paths
-/// that go on count for those that do not: the mean of a picture is the same with any factor, noise and time
-/// are not. The factor of least equal-time error (EARS) is the root of (1 + 1/V) C/c, if light is alike at all
-/// vertices: V is the variance of a sample over its squared mean, about 1; C is what a sample costs and c what
-/// the rest of the path does, which is less. 1 has 1.04 times the equal-time error, and 2 the same as 1.5 for
-/// more rays a sample (docs/results/render-speed.md).
+/// Russian roulette: the probability with which a path goes on from a vertex is this times its throughput.
+/// Paths that go on count for those that do not: the mean of a picture is the same with any factor, noise and
+/// time are not. The factor of least equal-time error (EARS) is the root of (1 + 1/V) C/c, if light is
+/// alike at all vertices: V is the variance of a sample over its squared mean, about 1; C is what a sample
+/// costs and c what the rest of the path does, which is less. 1 has 1.04 times the equal-time error of 1.5;
+/// 2 has the same for more rays a sample (docs/results/render-speed.md).
 /// Sources: Arvo & Kirk 1990; Rath et al. 2022, EARS.
 inline constexpr float kRouletteFactor = 1.5f;
 

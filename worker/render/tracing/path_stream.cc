@@ -141,6 +141,8 @@ void PathStream::FlushRare(Queue* queue) {
 
 void PathStream::FlushLanes(Queue* queue) {
   VertexLanes& lanes = queue->lanes;
+  for (size_t i = queue->count; i < kMaxLanes; ++i) lanes.vertices[i] = nobody_.vertex;
+  tracer_->PickLights(queue->count, &lanes);
   for (size_t i = 0; i < queue->count; ++i) {
     const Vertex& vertex = queue->vertices[i];
     Shadow& shadow = shadows_[lit_ + i];
@@ -149,7 +151,6 @@ void PathStream::FlushLanes(Queue* queue) {
     lanes.vertices[i].shadow_ray = &shadow.connection.shadow_ray;
     tracer_->SetLightLane(vertex.surface, paths_[vertex.path], i, &lanes);
   }
-  for (size_t i = queue->count; i < kMaxLanes; ++i) lanes.vertices[i] = nobody_.vertex;
   ShadeLanes(lanes, queue->count, tracer_->albedo_table_.Nodes(), &shaded_);
   for (size_t i = 0; i < queue->count; ++i) {
     const Vertex& vertex = queue->vertices[i];

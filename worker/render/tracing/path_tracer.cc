@@ -11,6 +11,7 @@
 
 #include "filter/image/color.h"
 #include "filter/image/portable_math.h"
+#include "worker/render/lanes/pick_lanes.h"
 #include "worker/render/materials/dispersion.h"
 #include "worker/render/materials/lobes.h"
 #include "worker/render/sampling/roulette.h"
@@ -331,6 +332,17 @@ void PathTracer::SetChoiceLane(const Path& path, size_t lane, ChoiceLanes* out) 
   out->is_seen[lane] = path.part == PathPart::kSeen ? 1.0f : 0.0f;
 }
 
+void PathTracer::PickLights(size_t count, VertexLanes* out) const {
+  if (lights_.OnlyLeaf() != nullptr) PickLanes(*lights_.OnlyLeaf(), lights_.finite_share(), count, out);
+}
+
+LightTree::Choice PathTracer::PickedLight(const LightReceiver& receiver, size_t lane,
+                                          const VertexLanes& lanes) const {
+  if (const LightLeaf* leaf = lights_.OnlyLeaf())
+    return {leaf->emitters[static_cast<size_t>(lanes.choice.slot[lane])], lanes.choice.probability[lane]};
+  return lights_.PickFinite(receiver, lanes.random.light_and_lobe.x[lane]);
+}
+
 void PathTracer::SetLightLane(const Surface& surface, const Path& path, size_t lane, VertexLanes* out) const {
   static constexpr LightTriangle kNone;
   const LightReceiver receiver = surface.Receiver();
@@ -339,13 +351,18 @@ void PathTracer::SetLightLane(const Surface& surface, const Path& path, size_t l
   out->light.pdf[lane] = 0;
   if (lights_.IsEmpty() || (path.options.is_direct_only && path.part != PathPart::kSeen)) return;
   const float u_light = out->random.light_and_lobe.x[lane];
-  if (const LightTriangle* light =
-          lights_.PickPlainTriangle(receiver, u_light, &out->choice.probability[lane])) {
+  const bool is_finite = u_light < lights_.finite_share();
+  const LightTree::Choice choice =
+      is_finite ? PickedLight(receiver, lane, *out) : LightTree::Choice{.emitter = 0, .probability = 0};
+  if (const LightTriangle* light = lights_.PlainTriangle(choice)) {
     out->light.is_sampled[lane] = 0;
     out->vertices[lane].triangle = light;
+    out->choice.probability[lane] = lights_.finite_share() * choice.probability;
     return;
   }
-  const LightSample sample = lights_.Sample(receiver, u_light, out->random.light_point.At(lane));
+  const Vec2 u = out->random.light_point.At(lane);
+  const LightSample sample =
+      is_finite ? lights_.SampleFinite(choice, receiver.position, u) : lights_.SampleInfinite(u_light, u);
   out->light.pdf[lane] = sample.pdf;
   out->light.direction.Set(lane, sample.direction);
   out->light.distance[lane] = sample.distance;

@@ -83,8 +83,8 @@ class PathTracer {
   Path StartPath(const Ray& camera_ray, const Sampler& sampler, LayerSample* out) const {
     return Path(camera_ray, sampler, plan_.levels, out);
   }
-  /// Gathers the emission at the end of a path's ray. Returns whether the path may scatter at `surface`, which
-  /// then is set.
+  /// Gathers the emission at the end of a path's ray. Returns whether the path may scatter at `surface`,
+  /// which then is set.
   bool Reach(const Hit& hit, Path* path, Surface* surface) const;
   /// Samples a light and the next direction. Returns whether the path goes on. `connection`, which must be
   /// black, receives the light sample, without visibility. Smooth glass that the camera sees adds the path of
@@ -97,6 +97,8 @@ class PathTracer {
   const BaseMaterial* LaneMaterialOf(const Surface& surface, const SurfaceMaterial& material,
                                      BaseMaterial* textured) const;
   void SetChoiceLane(const Path& path, size_t lane, ChoiceLanes* out) const;
+  void PickLights(size_t count, VertexLanes* out) const;
+  LightTree::Choice PickedLight(const LightReceiver& receiver, size_t lane, const VertexLanes& lanes) const;
   void SetLightLane(const Surface& surface, const Path& path, size_t lane, VertexLanes* out) const;
   bool LeaveLane(const Hit& hit, const Surface& surface, float alpha, const ShadedLanes& shaded, size_t lane,
                  Path* path) const;

@@ -67,6 +67,7 @@ template <size_t n>
 HWY_INLINE bool HasMembers(const SplitArgs& split, const PixelsOf<n>& pixels) {
   const Floats d;
   bool found = false;
+#pragma GCC unroll 4
   for (size_t i = 0; i < n; ++i)
     found |= !hn::AllFalse(d, hn::Eq(hn::LoadU(d, split.labels + pixels.At(i)), hn::Set(d, split.cluster)));
   return found;
@@ -77,6 +78,7 @@ HWY_INLINE void SplitCluster(const WeighArgs& args, const SplitArgs& split, cons
                              const Float* weights, const Float* alongs) {
   const Floats d;
   Float near_masses[n], far_masses[n];
+#pragma GCC unroll 4
   for (size_t i = 0; i < n; ++i) {
     const std::ptrdiff_t x = pixels.At(i);
     const auto is_own = hn::Eq(hn::LoadU(d, split.labels + x), hn::Set(d, split.cluster));
@@ -93,6 +95,7 @@ HWY_INLINE void SplitCluster(const WeighArgs& args, const SplitArgs& split, cons
   }
   for (size_t k = 0; k < args.dimensions; ++k) {
     Float near_sums[n], far_sums[n];
+#pragma GCC unroll 4
     for (size_t i = 0; i < n; ++i) {
       const Float feature = hn::LoadU(d, args.features[k] + pixels.At(i));
       near_sums[i] = hn::Mul(near_masses[i], feature);
@@ -113,15 +116,18 @@ HWY_INLINE void WeighPhases(const Phases& phases, const WeighArgs& args, const S
   const float* eta = args.eta + pixels.cell + phases.Side(pixels.phase);
   const float* part = phases.part.data() + pixels.phase;
   Float squares[n];
+#pragma GCC unroll 4
   for (size_t i = 0; i < n; ++i) squares[i] = alongs[i] = hn::Zero(d);
   for (size_t k = 0; k < args.dimensions; ++k, eta += args.eta_stride) {
     const CellsAt cells = ReadCells(eta);
+#pragma GCC unroll 4
     for (size_t i = 0; i < n; ++i) {
       const Float offset = hn::Sub(hn::LoadU(d, args.features[k] + pixels.At(i)), Widen(cells, part[i]));
       squares[i] = hn::Add(squares[i], hn::Mul(offset, offset));
       if (kSplits) alongs[i] = hn::Add(alongs[i], hn::Mul(hn::Set(d, split->axis[k]), offset));
     }
   }
+#pragma GCC unroll 4
   for (size_t i = 0; i < n; ++i) {
     const auto is_near = hn::Lt(squares[i], hn::Set(d, kFarthest));
     weights[i] = hn::Zero(d);
@@ -140,6 +146,7 @@ HWY_INLINE bool WeighStrip(const Phases& phases, const WeighArgs& args, const Sp
   for (int phase = 0; phase < phases.step; phase += static_cast<int>(n)) {
     for (int c = 0; c < args.count; c += static_cast<int>(hn::Lanes(Floats()))) {
       Float weights[n], alongs[n];
+#pragma GCC unroll 4
       for (size_t i = 0; i < n; i += kOfOneSide) {
         const PixelsOf<kOfOneSide> of_side = {args.phase_stride, phase + static_cast<int>(i), c};
         WeighPhases<kOfOneSide, kSplits>(phases, args, split, of_side, weights + i, alongs + i);
@@ -174,15 +181,18 @@ HWY_INLINE bool SplatPhases(int step, const SplatArgs& args) {
       const PixelsOf<n> pixels = {args.phase_stride, phase, c};
       Float masses[n];
       Float any = hn::Zero(d);
+#pragma GCC unroll 4
       for (size_t i = 0; i < n; ++i) {
         masses[i] = hn::LoadU(d, args.weight + pixels.At(i));
         any = hn::Or(any, masses[i]);
       }
       if (hn::AllTrue(d, hn::Eq(any, hn::Zero(d)))) continue;  // most pixels are far from most manifolds
       found = true;
+#pragma GCC unroll 4
       for (size_t i = 0; i < n; ++i) masses[i] = hn::Mul(hn::LoadU(d, args.mask + pixels.At(i)), masses[i]);
       for (size_t k = 0; k < args.signal_count; ++k) {
         Float sums[n];
+#pragma GCC unroll 4
         for (size_t i = 0; i < n; ++i)
           sums[i] = hn::Mul(masses[i], hn::LoadU(d, args.signals[k] + pixels.At(i)));
         AddTo(args.sums[k] + c, SumOf<n>(sums));
@@ -258,23 +268,27 @@ HWY_INLINE void SlicePlanes(const Phases& phases, const SliceArgs& args, size_t 
   Float sums[m][n];
 #pragma GCC unroll 4
   for (size_t k = 0; k < m; ++k) {
+#pragma GCC unroll 4
     for (size_t i = 0; i < n; ++i)
       sums[k][i] = args.adds ? hn::LoadU(d, args.sums[first + k] + pixel(i)) : hn::Zero(d);
   }
   for (size_t j = 0; j < args.manifolds; ++j, psi += args.planes * args.psi_stride) {
     Float weights[n];
+#pragma GCC unroll 4
     for (size_t i = 0; i < n; ++i) weights[i] = hn::LoadU(d, args.weights[j] + pixel(i));
     const Float any = n > 1 ? hn::Add(weights[0], weights[n - 1]) : weights[0];
     if (hn::AllTrue(d, hn::Eq(any, hn::Zero(d)))) continue;
 #pragma GCC unroll 4
     for (size_t k = 0; k < m; ++k) {
       const CellsAt cells = ReadCells(psi + k * args.psi_stride);
+#pragma GCC unroll 4
       for (size_t i = 0; i < n; ++i)
         sums[k][i] = hn::Add(sums[k][i], hn::Mul(weights[i], Widen(cells, part[i])));
     }
   }
 #pragma GCC unroll 4
   for (size_t k = 0; k < m; ++k) {
+#pragma GCC unroll 4
     for (size_t i = 0; i < n; ++i) hn::StoreU(sums[k][i], d, args.sums[first + k] + pixel(i));
   }
 }

@@ -14,16 +14,40 @@ CellSpan SpanOf(int p, int step, int cells) {
   return {std::max(first, 0), std::min(first + 1, cells - 1), part};
 }
 
+namespace {
+
+/// phases[j][c] = row[c * step + j] for the cells that lie in the row as a whole. Phases side by side become
+/// vectors.
+template <int step>
+void TakeApart(const float* __restrict row, int cells, std::ptrdiff_t stride, float* __restrict phases) {
+  for (int c = 0; c < cells; ++c) {
+    for (int j = 0; j < step; ++j) phases[j * stride + c] = row[c * step + j];
+  }
+}
+template <int step>
+void PutTogether(const float* __restrict phases, int cells, std::ptrdiff_t stride, float* __restrict row) {
+  for (int c = 0; c < cells; ++c) {
+    for (int j = 0; j < step; ++j) row[c * step + j] = phases[j * stride + c];
+  }
+}
+
+}  // namespace
+
 void PutByPhase(ConstFloatView plane, const Lattice& lattice, TaskPool* pool, Plane* by_phase) {
   const int step = lattice.step;
+  const std::ptrdiff_t stride = lattice.PhaseStride();
+  const int whole = step == 2 || step == 4 ? lattice.width / step : 0;
   ForEachBand(pool, lattice.height, [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
+      const float* from = plane.Row(y);
+      float* phases = by_phase->Row(y);
+      if (step == 4) TakeApart<4>(from, whole, stride, phases);
+      if (step == 2) TakeApart<2>(from, whole, stride, phases);
       for (int j = 0; j < step; ++j) {
-        const float* from = plane.Row(y) + j;
-        float* to = by_phase->Row(y) + j * lattice.PhaseStride();
+        float* to = phases + j * stride;
         const int cells = (lattice.width - j + step - 1) / step;
-        for (int c = 0; c < cells; ++c) to[c] = from[c * step];
-        std::fill(to + cells, to + lattice.PhaseStride(), 0.0f);
+        for (int c = whole; c < cells; ++c) to[c] = from[c * step + j];
+        std::fill(to + cells, to + stride, 0.0f);
       }
     }
   });
@@ -31,14 +55,16 @@ void PutByPhase(ConstFloatView plane, const Lattice& lattice, TaskPool* pool, Pl
 
 Plane InOrder(const Plane& by_phase, const Lattice& lattice, TaskPool* pool) {
   const int step = lattice.step;
+  const std::ptrdiff_t stride = lattice.PhaseStride();
+  const int whole = step == 2 || step == 4 ? lattice.width / step : 0;
   Plane plane = Plane::Uninitialized(lattice.width, lattice.height);
   ForEachBand(pool, lattice.height, [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
-      for (int j = 0; j < step; ++j) {
-        const float* from = by_phase.Row(y) + j * lattice.PhaseStride();
-        float* to = plane.Row(y) + j;
-        for (int c = 0; c * step < lattice.width - j; ++c) to[c * step] = from[c];
-      }
+      const float* phases = by_phase.Row(y);
+      float* to = plane.Row(y);
+      if (step == 4) PutTogether<4>(phases, whole, stride, to);
+      if (step == 2) PutTogether<2>(phases, whole, stride, to);
+      for (int x = whole * step; x < lattice.width; ++x) to[x] = phases[lattice.Place(x)];
     }
   });
   return plane;

@@ -14,14 +14,39 @@ StripSplat::StripSplat(const Planes& signals, const Plane& mask, const Planes& w
       lattice_(lattice),
       sites_(sites),
       splats_(*splats),
-      sums_((signals.size() + 1) * lattice.SumFloats()),
+      sums_(weights.size() * (signals.size() + 1) * lattice.SumFloats()),
       signal_rows_(signals.size()) {
   for (size_t i = 0; i < sums_.size(); i += lattice.SumFloats()) sum_rows_.push_back(sums_.data() + i);
 }
 
 void StripSplat::CellRow(int row) {
+  const int first = row * lattice_.step;
+  const int last = first + lattice_.RowHeight(row);
   for (int column = 0; column < lattice_.Columns(); column += lattice_.StripCells()) {
-    for (size_t i = 0; i < weights_.size(); ++i) Strip(i, row, column);
+    const int count = lattice_.CellsFrom(column);
+    std::vector<bool> has_weight(weights_.size());
+    for (int y = first; y < last; ++y) {  // all manifolds before the next row: its signals stay in the cache
+      for (size_t i = 0; i < weights_.size(); ++i)
+        has_weight[i] = SplatRow(lattice_.step, Args(i, y, column, count)) || has_weight[i];
+    }
+    for (int y = first; y < last; ++y) {
+      for (const PointRun& run : sites_.RunsOf(y, column)) {
+        for (size_t i = 0; i < weights_.size(); ++i)
+          has_weight[i] = SplatPoints(sites_.CellsOf(run), Args(i, run.row, run.x, 0)) || has_weight[i];
+      }
+    }
+    for (size_t i = 0; i < weights_.size(); ++i) StoreSums(i, has_weight[i], row, column);
+  }
+}
+
+void StripSplat::StoreSums(size_t manifold, bool has_weight, int row, int column) {
+  const int count = lattice_.CellsFrom(column);
+  for (size_t c = 0; c <= signals_.size(); ++c) {
+    float* cells = splats_[manifold][c].Row(row);
+    if (has_weight)
+      StoreCellMeans(lattice_, row, column, count, SumsOf(manifold)[c], cells);
+    else
+      std::fill_n(cells + column, count, 0.0f);
   }
 }
 
@@ -31,28 +56,9 @@ SplatArgs StripSplat::Args(size_t manifold, int row, int x, int count) {
           signal_rows_.size(),
           mask_.Row(row) + x,
           weights_[manifold].Row(row) + x,
-          sum_rows_.data(),
+          SumsOf(manifold),
           lattice_.PhaseStride(),
           count};
-}
-
-void StripSplat::Strip(size_t manifold, int row, int column) {
-  const int count = lattice_.CellsFrom(column);
-  const int first = row * lattice_.step;
-  const int last = first + lattice_.RowHeight(row);
-  bool has_weight = false;
-  for (int y = first; y < last; ++y) has_weight |= SplatRow(lattice_.step, Args(manifold, y, column, count));
-  for (int y = first; y < last; ++y) {
-    for (const PointRun& run : sites_.RunsOf(y, column))
-      has_weight |= SplatPoints(sites_.CellsOf(run), Args(manifold, run.row, run.x, 0));
-  }
-  for (size_t c = 0; c < sum_rows_.size(); ++c) {
-    float* cells = splats_[manifold][c].Row(row);
-    if (has_weight)
-      StoreCellMeans(lattice_, row, column, count, sum_rows_[c], cells);
-    else
-      std::fill_n(cells + column, count, 0.0f);
-  }
 }
 
 }  // namespace lumifold::filter

@@ -22,7 +22,9 @@ class StripSplat {
   void CellRow(int row);
 
  private:
-  void Strip(size_t manifold, int row, int column);
+  /// Strips of sums of a manifold: the signals, then the weights.
+  float* const* SumsOf(size_t manifold) const { return sum_rows_.data() + manifold * (signals_.size() + 1); }
+  void StoreSums(size_t manifold, bool has_weight, int row, int column);
   /// The sites from x on in a row of sites: pixels of `count` cells, or points.
   SplatArgs Args(size_t manifold, int row, int x, int count);
 
@@ -32,7 +34,7 @@ class StripSplat {
   const Lattice& lattice_;
   const Sites& sites_;
   std::vector<Planes>& splats_;
-  std::vector<float> sums_;  // a strip a signal, and one of the weights; 0 between cells' rows
+  std::vector<float> sums_;  // strips of each manifold; 0 between cells' rows
   std::vector<float*> sum_rows_;
   std::vector<const float*> signal_rows_;
 };

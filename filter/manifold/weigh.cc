@@ -33,7 +33,7 @@ StripWeigh::StripWeigh(const Planes& features, const Lattice& lattice, const Pha
       points_(points),
       clusters_(*clusters),
       level_(*level),
-      sums_(2 * (features.size() + 1) * lattice.SumFloats()),
+      sums_(level->children.size() * (features.size() + 1) * lattice.SumFloats()),
       eta_(features.size() * kEtaStride),
       upper_(features.size()),
       lower_(features.size()),
@@ -42,23 +42,26 @@ StripWeigh::StripWeigh(const Planes& features, const Lattice& lattice, const Pha
 }
 
 void StripWeigh::CellRow(int row) {
+  const size_t manifolds = level_.manifolds.size();
   for (int column = 0; column < lattice_.Columns(); column += lattice_.StripCells()) {
-    for (size_t i = 0; i < level_.manifolds.size(); ++i) Strip(i, row, column);
+    std::vector<bool> has_members(manifolds);
+    for (int y = row * lattice_.step; y < row * lattice_.step + lattice_.RowHeight(row); ++y) {
+      // All manifolds before the next row: its features stay in the cache.
+      for (size_t i = 0; i < manifolds; ++i) has_members[i] = PixelRow(i, y, column) || has_members[i];
+    }
+    for (size_t child = 0; child < level_.children.size(); ++child)
+      StoreSums(child, has_members[child / 2], row, column);
   }
 }
 
-void StripWeigh::Strip(size_t manifold, int row, int column) {
+void StripWeigh::StoreSums(size_t child, bool has_members, int row, int column) {
   const int count = lattice_.CellsFrom(column);
-  const bool splits = !level_.children.empty();
-  bool has_members = false;
-  for (int y = row * lattice_.step; y < row * lattice_.step + lattice_.RowHeight(row); ++y)
-    has_members |= PixelRow(manifold, y, column);
-  const size_t planes = features_.size() + 1;
-  for (size_t i = 0; i < sum_rows_.size() && splits; ++i) {
-    ClusterSums& child = level_.children[2 * manifold + i / planes];
-    float* cells = (i % planes < features_.size() ? child.weighted[i % planes] : child.weight).Row(row);
+  ClusterSums& of = level_.children[child];
+  float* const* sums = SumsOf(child);
+  for (size_t k = 0; k <= features_.size(); ++k) {
+    float* cells = (k < features_.size() ? of.weighted[k] : of.weight).Row(row);
     if (has_members)
-      StoreCellMeans(lattice_, row, column, count, sum_rows_[i], cells);
+      StoreCellMeans(lattice_, row, column, count, sums[k], cells);
     else
       std::fill_n(cells + column, count, 0.0f);
   }
@@ -91,8 +94,8 @@ bool StripWeigh::PixelRow(size_t manifold, int y, int column) {
                            clusters_.labels.Row(y) + column,
                            clusters_.members.Row(y) + column,
                            clusters_.next_labels.Row(y) + column,
-                           sum_rows_.data(),
-                           sum_rows_.data() + d + 1};
+                           SumsOf(2 * manifold),
+                           SumsOf(2 * manifold + 1)};
   return WeighRow(phases_, weigh, &split);
 }
 

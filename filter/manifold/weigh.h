@@ -40,7 +40,10 @@ class StripWeigh {
   void CellRow(int row);
 
  private:
-  void Strip(size_t manifold, int row, int column);
+  /// Strips of sums of a child: d features, then the weight.
+  float* const* SumsOf(size_t child) const { return sum_rows_.data() + child * (features_.size() + 1); }
+  void StoreSums(size_t child, bool has_members, int row, int column);
+  /// Whether the manifold's cluster has pixels there.
   bool PixelRow(size_t manifold, int y, int column);
   /// The points of row y of pixels, from the row of cells in eta_.
   void PointRow(size_t manifold, int y, int column);
@@ -52,7 +55,7 @@ class StripWeigh {
   const SlicePoints* points_;
   Clusters& clusters_;
   Level& level_;
-  std::vector<float> sums_;  // strips: d + 1 of each of two children; 0 between cells' rows
+  std::vector<float> sums_;  // strips: d + 1 of each child; 0 between cells' rows
   std::vector<float*> sum_rows_;
   std::vector<float> eta_;  // a row of cells a feature
   std::vector<const float*> upper_, lower_, feature_rows_;

@@ -17,6 +17,9 @@ using scene::Vec3;
 
 /// Finite and infinite lights each get at least this fraction of the samples.
 constexpr double kMinShare = 0.25;
+/// Shares are whole eighths: of any eight samples of a pixel, whose numbers are stratified, each kind gets
+/// the same count, so that which kind it was adds no noise where one of them is hidden.
+constexpr double kShares = 8;
 
 bool IsEmissive(const Material& material) {
   return !material.unlit && MaxComponent(material.emission.radiance) > 0;
@@ -129,7 +132,7 @@ LightSet::LightSet(const scene::Scene& scene, const TextureSampler& textures,
   infinite_ = AliasTable(powers.infinite);
   const double infinite = SumOf(powers.infinite);
   if (powers.finite > 0) {
-    const double share = powers.finite / (powers.finite + infinite);
+    const double share = std::round(kShares * powers.finite / (powers.finite + infinite)) / kShares;
     finite_share_ = infinite > 0 ? static_cast<float>(std::clamp(share, kMinShare, 1 - kMinShare)) : 1.0f;
   }
   if (environment_ != nullptr)

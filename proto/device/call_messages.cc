@@ -92,20 +92,6 @@ size_t TapsOf(const Header& header) {
   return size_t{header.colors} * static_cast<size_t>(header.dimensions) * side * side;
 }
 
-bool SendPlane(ConstFloatView plane, SocketStream* to) {
-  bool works = true;
-  for (int y = 0; works && y < plane.height(); ++y)
-    works = to->Write(plane.Row(y), static_cast<size_t>(plane.width()) * sizeof(float));
-  return works;
-}
-
-bool ReceivePlane(SocketStream* from, Plane* plane) {
-  bool works = true;
-  for (int y = 0; works && y < plane->height(); ++y)
-    works = from->Read(plane->Row(y), static_cast<size_t>(plane->width()) * sizeof(float));
-  return works;
-}
-
 template <typename T>
 bool SendList(const std::vector<T>& values, SocketStream* to) {
   return to->Write(values.data(), values.size() * sizeof(T));
@@ -119,13 +105,13 @@ bool ReceiveList(size_t count, SocketStream* from, std::vector<T>* values) {
 
 bool SendPlanes(const Planes& planes, SocketStream* to) {
   bool works = true;
-  for (const Plane& plane : planes) works = works && SendPlane(plane.view(), to);
+  for (const Plane& plane : planes) works = works && to->WriteRows(plane.view());
   return works;
 }
 
 bool ReceivePlanes(SocketStream* from, Planes* planes) {
   bool works = true;
-  for (Plane& plane : *planes) works = works && ReceivePlane(from, &plane);
+  for (Plane& plane : *planes) works = works && from->ReadRows(plane.view());
   return works;
 }
 
@@ -269,7 +255,7 @@ bool SendCalls(absl::Span<const ManifoldCall> calls, SocketStream* to) {
   const PlaneTable table(calls);
   const Header header = HeaderOf(calls, table);
   bool works = to->Write(&header, sizeof(header));
-  for (const ConstFloatView& plane : table.planes) works = works && SendPlane(plane, to);
+  for (const ConstFloatView& plane : table.planes) works = works && to->WriteRows(plane);
   for (const ManifoldCall& call : calls) works = works && SendPart(call, table, to);
   return works;
 }

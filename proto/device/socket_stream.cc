@@ -27,6 +27,31 @@ struct DescriptorMessage {
   DescriptorMessage& operator=(const DescriptorMessage&) = delete;
 };
 
+size_t BytesOf(ConstFloatView plane) {
+  return static_cast<size_t>(plane.width()) * static_cast<size_t>(plane.height()) * sizeof(float);
+}
+
+/// Rows of a plane, without what is between them, from a byte on.
+struct RowsMessage {
+  std::array<iovec, 64> rows = {};  // a call for each would take longer than the copy
+  msghdr header = {};
+
+  RowsMessage(ConstFloatView plane, size_t first_byte) {
+    const size_t row_bytes = static_cast<size_t>(plane.width()) * sizeof(float);
+    size_t count = 0, begin = first_byte % row_bytes;
+    for (auto y = static_cast<int>(first_byte / row_bytes); y < plane.height() && count < rows.size(); ++y) {
+      // A message has no other type for what is only read.
+      char* const row = reinterpret_cast<char*>(const_cast<float*>(plane.Row(y)));
+      rows[count++] = {row + begin, row_bytes - begin};
+      begin = 0;
+    }
+    header.msg_iov = rows.data();
+    header.msg_iovlen = count;
+  }
+  RowsMessage(const RowsMessage&) = delete;
+  RowsMessage& operator=(const RowsMessage&) = delete;
+};
+
 }  // namespace
 
 SocketStream::SocketStream(int socket, absl::Duration patience) : socket_(socket) {
@@ -56,6 +81,20 @@ bool SocketStream::Write(const void* from, size_t bytes) {
 bool SocketStream::Read(void* to, size_t bytes) {
   return MoveAll(bytes, [&](size_t done, size_t left) {
     return recv(socket_, static_cast<char*>(to) + done, left, MSG_WAITALL);
+  });
+}
+
+bool SocketStream::WriteRows(ConstFloatView plane) {
+  return MoveAll(BytesOf(plane), [&](size_t done, size_t) {
+    RowsMessage message(plane, done);
+    return sendmsg(socket_, &message.header, MSG_NOSIGNAL);
+  });
+}
+
+bool SocketStream::ReadRows(FloatView plane) {
+  return MoveAll(BytesOf(plane), [&](size_t done, size_t) {
+    RowsMessage message(plane, done);
+    return recvmsg(socket_, &message.header, MSG_WAITALL);
   });
 }
 

@@ -6,6 +6,7 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/time/time.h"
+#include "filter/image/plane.h"
 #include "proto/rpc/byte_stream.h"
 
 namespace lumifold::device {
@@ -20,6 +21,9 @@ class SocketStream {
   bool Write(const void* from, size_t bytes);
   /// False also where the other end is closed before.
   bool Read(void* to, size_t bytes);
+  /// The rows of a plane, many at a time.
+  bool WriteRows(ConstFloatView plane);
+  bool ReadRows(FloatView plane);
 
  private:
   /// Calls move(done, left), which moves some bytes, until all have moved.

@@ -48,7 +48,7 @@ class CallMessages : public testing::Test {
 
   CallMessages() { filter::AddSignals(3, &points_); }
 
-  filter::ManifoldInput input_ = filter::MakeManifoldInput(19, 7, 4, true, 3);
+  filter::ManifoldInput input_ = filter::MakeManifoldInput(19, 150, 4, true, 3);
   filter::SlicePoints points_ = filter::MakePoints(input_, 2, 2);
   filter::ManifoldParams params_ = {.height = 3, .keeps_mass = true, .is_first_order = true};
   float reach_ = 5;
@@ -70,7 +70,7 @@ TEST_F(CallMessages, ArriveAsTheyWere) {
   EXPECT_EQ(call.points->features, points_.features);
   EXPECT_EQ(call.points->signals, points_.signals);
   EXPECT_EQ(call.points->weights, points_.weights);
-  for (int y = 0; y < 7; ++y) {
+  for (int y = 0; y < 150; ++y) {
     for (int x = 0; x < 19; ++x) {
       EXPECT_EQ(call.mask.At(x, y), input_.mask.At(x, y));
       EXPECT_EQ(call.signals[2].At(x, y), input_.signals[2].At(x, y));
@@ -81,7 +81,7 @@ TEST_F(CallMessages, ArriveAsTheyWere) {
 }
 
 TEST_F(CallMessages, OfSeveralCallsHaveEachPlaneOnce) {
-  const filter::ManifoldInput other = filter::MakeManifoldInput(19, 7, 1, true, 4);
+  const filter::ManifoldInput other = filter::MakeManifoldInput(19, 150, 1, true, 4);
   filter::ManifoldCall second = Call();
   second.signals = filter::ViewsOf(other.signals);
   second.patches.scale = 2;

@@ -80,6 +80,16 @@ class Device : public testing::Test {
       }
     }
   }
+  /// With this in the environment the device filters, and gives the picture of the processor.
+  void ExpectFiltersWith(const char* variable, const char* value) {
+    SCOPED_TRACE(value);
+    setenv(variable, value, /*overwrite=*/1);
+    const auto device = OpenDevice(Options());
+    ASSERT_TRUE(device.ok()) << device.status();
+    EXPECT_TRUE(FiltersOn(*device->device));
+    ExpectExpected(Filter(filter::WithDevice(MakeTaskPool(1), device->device).get()));
+    EXPECT_TRUE(warnings_.empty());
+  }
   /// Filters with a device that has this fault: the picture is the processor's, and one warning is given.
   void ExpectTakenOver(const char* fault, const std::string& reason,
                        absl::Duration limit = absl::Seconds(150)) {
@@ -139,26 +149,12 @@ TEST_F(Device, ThatFailsIsLeftForTheProcessorWithOneWarning) {
 
 TEST_F(Device, WithLittleMemoryGivesTheBitsOfThisProcessor) {
   // 40 x 30 pixels in cells of 2 x 2 take 600 kB at once, 250 kB in turns.
-  for (const char* bytes : {"500000", "300000"}) {
-    setenv("FAULTY_OPENCL_MEMORY", bytes, /*overwrite=*/1);
-    const auto device = OpenDevice(Options());
-    ASSERT_TRUE(device.ok()) << device.status();
-    EXPECT_TRUE(FiltersOn(*device->device));
-    ExpectExpected(Filter(filter::WithDevice(MakeTaskPool(1), device->device).get()));
-  }
-  EXPECT_TRUE(warnings_.empty());
+  for (const char* bytes : {"500000", "300000"}) ExpectFiltersWith("FAULTY_OPENCL_MEMORY", bytes);
 }
 
 TEST_F(Device, WhoseMemoryOthersUseTakesLess) {
-  for (const char* fault : {"clCreateBuffer:9:-4", "clEnqueueNDRangeKernel:9:-5"}) {
-    SCOPED_TRACE(fault);
-    setenv("FAULTY_OPENCL", fault, /*overwrite=*/1);
-    const auto device = OpenDevice(Options());
-    ASSERT_TRUE(device.ok()) << device.status();
-    EXPECT_TRUE(FiltersOn(*device->device));
-    ExpectExpected(Filter(filter::WithDevice(MakeTaskPool(1), device->device).get()));
-  }
-  EXPECT_TRUE(warnings_.empty());
+  for (const char* fault : {"clCreateBuffer:9:-4", "clEnqueueNDRangeKernel:9:-5"})
+    ExpectFiltersWith("FAULTY_OPENCL", fault);
 }
 
 TEST_F(Device, WithTooLittleMemoryLeavesWhatNeedsMoreWithOneWarning) {

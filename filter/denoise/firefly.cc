@@ -133,6 +133,23 @@ bool Suppress(Planes* half, float other, const Outlier& outlier, float sigmas, i
   return true;
 }
 
+/// What half h of the film brings to channel c of each pixel of C, as `removed` and what is left of the half
+/// tell, and its fragments where there are some.
+Plane NoisyProduct(const Product& product, const LayerFragments& fragments, const Halves& halves, size_t h,
+                   size_t c, const Plane& removed, TaskPool* pool) {
+  const Rect& box = product.box;
+  const bool has_factor = !product.factor_of[h][0].IsEmpty();
+  Plane noisy(box.width(), box.height());
+  ForEachPixel(pool, box.width(), box.height(), [&](int x, int y) {
+    const float factor = has_factor ? product.factor_of[h][c].At(box.x0 + x, box.y0 + y) : 1.0f;
+    const float before = removed.At(x, y) + HalfOf(halves, h)[c].At(x, y);
+    noisy.At(x, y) = before * halves.scale * product.validity.At(x, y) * factor;
+  });
+  for (const LayerFragments::Pixel& pixel : fragments.pixels)
+    noisy.At(pixel.x, pixel.y) = fragments.Noisy(pixel, h, c);
+  return noisy;
+}
+
 }  // namespace
 
 std::array<Planes, 2> SuppressFireflies(const FireflyParams& params, int noise_radius, Halves* halves,
@@ -175,25 +192,23 @@ std::array<Planes, 2> SuppressFireflies(const FireflyParams& params, int noise_r
   return is_any ? std::move(removed) : std::array<Planes, 2>{};
 }
 
-std::array<Planes, 2> TakeMissing(const Product& product, const LayerFragments& fragments, float scale,
-                                  TaskPool* pool, std::array<Planes, 2>* removed) {
+std::array<Planes, 2> TakeMissing(const Product& product, const LayerFragments& fragments,
+                                  const Halves& halves, TaskPool* pool, std::array<Planes, 2>* removed) {
   if ((*removed)[0].empty() || product.rest_of[0][0].IsEmpty()) return {};
   const Rect& box = product.box;
-  Plane has_fragments(box.width(), box.height());
-  for (const LayerFragments::Pixel& pixel : fragments.pixels) has_fragments.At(pixel.x, pixel.y) = 1;
   std::array<Planes, 2> missing;
   for (size_t h = 0; h < 2; ++h) {
-    const ConstColorView rest = Crop(product.rest_of[h], box);
-    const bool has_factor = !product.factor_of[h][0].IsEmpty();
     missing[h] = MakePlanes(3, box.width(), box.height());
     for (size_t c = 0; c < 3; ++c) {
+      const Plane noisy = NoisyProduct(product, fragments, halves, h, c, (*removed)[h][c], pool);
       ForEachPixel(pool, box.width(), box.height(), [&](int x, int y) {
         float& of_half = (*removed)[h][c].At(x, y);
-        if (!(of_half > 0) || !(rest[c].At(x, y) < 0) || has_fragments.At(x, y) > 0) return;
-        const float factor = has_factor ? product.factor_of[h][c].At(box.x0 + x, box.y0 + y) : 1.0f;
-        const float in_c = of_half * scale * product.validity.At(x, y) * factor;
+        const float rest = product.rest_of[h][c].At(box.x0 + x, box.y0 + y);
+        if (!(of_half > 0) || !(rest < 0)) return;
+        const float part = of_half / (of_half + HalfOf(halves, h)[c].At(x, y));
+        const float in_c = part * noisy.At(x, y);
         if (!(in_c > 0) || !IsUsable(in_c)) return;
-        const float by = std::min(in_c, -rest[c].At(x, y));
+        const float by = std::min(in_c, -rest);
         missing[h][c].At(x, y) = by;
         of_half *= (in_c - by) / in_c;
       });

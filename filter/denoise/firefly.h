@@ -39,12 +39,11 @@ std::array<Planes, 2> SuppressFireflies(const FireflyParams& params, int noise_r
 /// at an edge in a mirror. Then C has less of it than the product of means, and the remainder of its half is
 /// negative. What is missing in C was never there: *removed loses as much, at most all, so that it does not
 /// return.
-/// Shapes:  removed[h]: 3 planes of the product's box, in units of `scale`. Result: what is missing of each
-///          half's product, in the film's unit; empty: nothing. Pixels with fragments miss nothing: each has
-///          a factor of its own.
+/// Shapes:  removed[h]: 3 planes of the product's box, what SuppressFireflies() took from `halves`. Result:
+///          what is missing of each half's product, in the film's unit; empty: nothing.
 /// Threads: identical for any pool.
-std::array<Planes, 2> TakeMissing(const Product& product, const LayerFragments& fragments, float scale,
-                                  TaskPool* pool, std::array<Planes, 2>* removed);
+std::array<Planes, 2> TakeMissing(const Product& product, const LayerFragments& fragments,
+                                  const Halves& halves, TaskPool* pool, std::array<Planes, 2>* removed);
 
 /// The energy that SuppressFireflies() removed, where it is to be added again to each half: what it lost
 /// itself, so that neither holds samples of the other. It is spread over pixels of similar light on the same

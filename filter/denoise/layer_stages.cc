@@ -35,7 +35,6 @@ struct Half {
 };
 
 const Planes& HalfOf(const Candidate& picture, size_t h) { return h == 0 ? picture.a : picture.b; }
-const Planes& HalfOf(const Halves& halves, size_t h) { return h == 0 ? halves.a : halves.b; }
 const Plane& WeightOf(const Halves& halves, size_t h) { return h == 0 ? halves.weight_a : halves.weight_b; }
 
 /// The fragments as points of the manifolds, with `light` as signals.
@@ -129,7 +128,7 @@ void RunFireflies(LayerState* state) {
       for (size_t k = 3 * p.first; k < 3 * p.last; ++k) state->fragments.light[h][k] *= now / before[i][h];
     }
   }
-  state->missing = TakeMissing(state->product, state->fragments, halves.scale, state->pool, &state->removed);
+  state->missing = TakeMissing(state->product, state->fragments, halves, state->pool, &state->removed);
 }
 
 /// Filters both halves, each guided by the other, with coordinates of patches of each scale: a candidate for

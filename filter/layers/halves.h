@@ -34,6 +34,9 @@ struct Halves {
   int height() const { return weight.height(); }
 };
 
+/// Half A for 0, B for 1.
+inline const Planes& HalfOf(const Halves& halves, size_t h) { return h == 0 ? halves.a : halves.b; }
+
 /// A layer's halves as in a film. All views have one size.
 struct HalvesView {
   ConstColorView a;

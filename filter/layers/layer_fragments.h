@@ -30,6 +30,16 @@ struct LayerFragments {
   std::array<std::vector<float>, 2> noisy;            // the same, as in the film
 
   bool IsEmpty() const { return pixels.empty(); }
+
+  /// Sum over the points of a pixel of weight * factor * value; channel c of values that are 3 of each point.
+  float SumOver(const Pixel& pixel, const std::vector<float>& weight, const std::vector<float>& values,
+                size_t c) const {
+    float sum = 0;
+    for (size_t i = pixel.first; i < pixel.last; ++i) sum += weight[i] * factor[i][c] * values[3 * i + c];
+    return sum;
+  }
+  /// What the film's light of half `h` brings to a pixel of C.
+  float Noisy(const Pixel& pixel, size_t h, size_t c) const { return SumOver(pixel, share[h], noisy[h], c); }
 };
 
 /// The fragments of D, I or G; empty for other products.

@@ -10,24 +10,11 @@
 namespace lumifold::filter {
 namespace {
 
-/// Sum over the points of a pixel of weight * factor * light; channel c.
-float SumOver(const LayerFragments& fragments, const LayerFragments::Pixel& pixel,
-              const std::vector<float>& weight, const std::vector<float>& light, size_t c) {
-  float sum = 0;
-  for (size_t i = pixel.first; i < pixel.last; ++i)
-    sum += weight[i] * fragments.factor[i][c] * light[3 * i + c];
-  return sum;
-}
-
-float NoisyOf(const LayerFragments& fragments, const LayerFragments::Pixel& pixel, size_t h, size_t c) {
-  return SumOver(fragments, pixel, fragments.share[h], fragments.noisy[h], c);
-}
-
 void AddMixedPixels(const Rect& box, const FilteredLayer& layer, size_t h, size_t c, Planes* change) {
   const LayerFragments& fragments = layer.fragments;
   for (const LayerFragments::Pixel& p : fragments.pixels) {
-    const float filtered = SumOver(fragments, p, fragments.coverage[h], layer.light.points[h], c);
-    (*change)[c].At(box.x0 + p.x, box.y0 + p.y) += UsableOr0(filtered - NoisyOf(fragments, p, h, c));
+    const float filtered = fragments.SumOver(p, fragments.coverage[h], layer.light.points[h], c);
+    (*change)[c].At(box.x0 + p.x, box.y0 + p.y) += UsableOr0(filtered - fragments.Noisy(p, h, c));
   }
 }
 
@@ -135,7 +122,7 @@ void SubtractNoisy(const Product& product, const LayerFragments& fragments, Task
         SubtractProduct(noisy, factor, is_mixed.Row(y), of_half[c].Row(y));
       });
       for (const LayerFragments::Pixel& p : fragments.pixels) {
-        of_half[c].At(product.box.x0 + p.x, product.box.y0 + p.y) -= UsableOr0(NoisyOf(fragments, p, h, c));
+        of_half[c].At(product.box.x0 + p.x, product.box.y0 + p.y) -= UsableOr0(fragments.Noisy(p, h, c));
       }
     }
   }

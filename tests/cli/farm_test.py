@@ -175,7 +175,7 @@ class Jobs(FarmTest):
         explained = self.succeed("explain", job)
         self.assertTrue(explained.startswith(f"job: {job}\nstate: done\nnothing holds it up\n\nDECISION "),
                         explained)
-        self.assertEqual(len(self.succeed_json("explain", job)["plan"]["decisions"]), 14)
+        self.assertEqual(len(self.succeed_json("explain", job)["plan"]["decisions"]), 13)
         log = self.succeed("logs", job)
         for event in ("job_submitted", "job_planned", "job_resumed", "job_priority", "frame_finished",
                       "job_ended"):

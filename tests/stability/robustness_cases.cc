@@ -86,16 +86,25 @@ absl::StatusOr<Finding> RealSamples(const Trial& trial) {
 }
 
 absl::StatusOr<Finding> Lens(const Trial& trial) {
+  constexpr uint64_t kSeeds = 8;  // one film has a lone pixel by chance
   Finding finding;
   for (const char* scene : {"chess-board-lens", "foliage-lens"}) {
-    const absl::StatusOr<JudgedFilm> judged = trial.films.GetJudged(
-        scene, {.width = kWidth, .height = kHeight, .samples = 16, .seed = 1}, 512, trial.pool);
-    if (!judged.ok()) return judged.status();
-    absl::StatusOr<Picture> filtered = trial.Filter(judged->rendered.subject());
-    if (!filtered.ok()) return filtered.status();
-    finding.figures.push_back(judged->ErrorOf(ViewOf(*filtered)) / judged->ErrorOf(judged->noisy()));
-    finding.figures.push_back(LonePixels(ViewOf(*filtered), judged->truth()));
-    finding.exhibit = {ClonePicture(judged->noisy()), *std::move(filtered), ClonePicture(judged->truth())};
+    double filtered_error = 0, noisy_error = 0, lone = 0;
+    for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
+      const absl::StatusOr<JudgedFilm> judged = trial.films.GetJudged(
+          scene, {.width = kWidth, .height = kHeight, .samples = 16, .seed = seed}, 512, trial.pool);
+      if (!judged.ok()) return judged.status();
+      absl::StatusOr<Picture> filtered = trial.Filter(judged->rendered.subject());
+      if (!filtered.ok()) return filtered.status();
+      filtered_error += judged->ErrorOf(ViewOf(*filtered));
+      noisy_error += judged->ErrorOf(judged->noisy());
+      lone += LonePixels(ViewOf(*filtered), judged->truth()) / kSeeds;
+      if (seed == 1) {
+        finding.exhibit = {ClonePicture(judged->noisy()), *std::move(filtered),
+                           ClonePicture(judged->truth())};
+      }
+    }
+    finding.figures.insert(finding.figures.end(), {filtered_error / noisy_error, lone});
   }
   return finding;
 }
@@ -406,11 +415,13 @@ std::vector<Case> RobustnessCases() {
        Pan},
       {48,
        "lens",
-       "a chess board and foliage through a wide lens: for each, error, and lone bright or dark pixels in "
-       "10,000",
+       "a chess board and foliage through a wide lens, 8 seeds: for each, error, and lone bright or dark "
+       "pixels in 10,000",
        "96x72, 16 spp",
-       "",
-       {{"board", 0.3}, {"board lone", 0}, {"leaves", 0.3}, {"leaves lone", 0}},
+       "was: one film, and no lone pixel in it, which was chance: the default method left 1.4, most of them "
+       "black, where a highlight's outlier was taken out of edges; 0.5 are left, highlights that the truth "
+       "has darker by a few steps",
+       {{"board", 0.3}, {"board lone", 1}, {"leaves", 0.3}, {"leaves lone", 1}},
        Lens},
   };
 }

@@ -284,8 +284,14 @@ TEST(ReturnRemoved, GivesTheSameBitsForAnyPool) {
 }
 
 TEST(MissingLight, OfAnOutlierDoesNotReturn) {
-  // In units of 2, half A lost 2 in three pixels, of which a factor of 0.5 makes 2; half B lost nothing.
+  // In units of 2, half A lost 2 of 4 in three pixels, of which a factor of 0.5 makes 2; half B lost nothing.
   constexpr int kPixels = 3;
+  Halves halves;
+  halves.scale = 2;
+  for (Planes* half : {&halves.a, &halves.b}) {
+    *half = MakePlanes(3, kPixels, 1);
+    for (Plane& channel : *half) channel.Fill(2);
+  }
   Planes rest = MakePlanes(3, kPixels, 1);
   std::array<Planes, 2> removed = {MakePlanes(3, kPixels, 1), MakePlanes(3, kPixels, 1)};
   Planes factor = MakePlanes(3, kPixels, 1);
@@ -301,7 +307,7 @@ TEST(MissingLight, OfAnOutlierDoesNotReturn) {
   product.rest_of = {ViewOf(rest), ViewOf(rest)};
   product.box = {0, 0, kPixels, 1};
   product.validity = MakePlane(kPixels, 1, 1);
-  const std::array<Planes, 2> missing = TakeMissing(product, {}, 2, nullptr, &removed);
+  const std::array<Planes, 2> missing = TakeMissing(product, {}, halves, nullptr, &removed);
   ASSERT_EQ(missing[0].size(), 3u);
   EXPECT_EQ(missing[0][1].At(0, 0), 0.5f);
   EXPECT_EQ(missing[0][1].At(1, 0), 2.0f);
@@ -310,11 +316,17 @@ TEST(MissingLight, OfAnOutlierDoesNotReturn) {
   EXPECT_EQ(removed[0][1].At(1, 0), 0.0f);
   EXPECT_EQ(removed[0][1].At(2, 0), 2.0f);
   EXPECT_EQ(missing[1][1].At(0, 0), 0.0f);
-  // Each fragment has a factor of its own.
+  // A pixel with a fragment of light 4 and factor 3 in half of it has 6 in C, and lost a half of that.
   LayerFragments fragments;
-  fragments.pixels = {{1, 0, 0, 0}};
+  fragments.pixels = {{1, 0, 0, 1}};
+  fragments.factor = {{3, 3, 3}};
+  for (size_t h = 0; h < 2; ++h) {
+    fragments.share[h] = {0.5f};
+    fragments.noisy[h] = {4, 4, 4};
+  }
   removed[0][1].At(1, 0) = 2;
-  EXPECT_EQ(TakeMissing(product, fragments, 2, nullptr, &removed)[0][1].At(1, 0), 0.0f);
+  EXPECT_EQ(TakeMissing(product, fragments, halves, nullptr, &removed)[0][1].At(1, 0), 3.0f);
+  EXPECT_EQ(removed[0][1].At(1, 0), 0.0f);
 }
 
 }  // namespace

@@ -147,7 +147,7 @@ TEST(UnitRenderer, APlanUnitLeavesItsSceneToTheNextUnit) {
   const absl::StatusOr<RenderedUnit> planned = renderer.Render(spec, lease, &control);
   ASSERT_TRUE(planned.ok()) << planned.status();
   ASSERT_TRUE(planned->plan.has_value());
-  EXPECT_EQ(planned->plan->decisions_size(), 14);
+  EXPECT_EQ(planned->plan->decisions_size(), 13);
   EXPECT_GT(planned->plan->probe_rays(), 0);
   EXPECT_EQ(assets.fetches(), 1);
   *spec.mutable_plan() = *planned->plan;

@@ -25,8 +25,10 @@ struct Num {
   hn::Vec<LaneTag> v;
 
   Num() = default;
+  // NOLINTBEGIN(google-explicit-constructor): formulas are those of floats
   HWY_INLINE Num(hn::Vec<LaneTag> vector) : v(vector) {}
   HWY_INLINE Num(float x) : v(hn::Set(LaneTag(), x)) {}
+  // NOLINTEND(google-explicit-constructor)
 };
 
 HWY_INLINE Num operator+(Num a, Num b) { return hn::Add(a.v, b.v); }

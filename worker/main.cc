@@ -167,15 +167,15 @@ absl::StatusOr<Target> FindTarget(const Flags& flags, const lumifold::identity::
   std::string list = flags.server.empty() ? kDefaultServer : flags.server;
   Target target;
   target.security.insecure = flags.insecure;
-  if (chosen->has_value()) {
+  if (const std::optional<std::string>& name = *chosen; name.has_value()) {
     lumifold::identity::ProtectMemory();
-    const absl::StatusOr<lumifold::identity::Profile> profile = profiles.Read(**chosen);
+    const absl::StatusOr<lumifold::identity::Profile> profile = profiles.Read(*name);
     if (!profile.ok()) return profile.status();
-    absl::StatusOr<lumifold::rpc::Security> security = profiles.SecurityOf(**chosen);
+    absl::StatusOr<lumifold::rpc::Security> security = profiles.SecurityOf(*name);
     if (!security.ok()) return security.status();
     if (flags.server.empty()) list = profile->server;
-    target.profile = **chosen;
-    target.folder = profiles.FolderOf(**chosen);
+    target.profile = *name;
+    target.folder = profiles.FolderOf(*name);
     target.security = *std::move(security);
   }
   absl::StatusOr<std::vector<std::string>> servers = lumifold::rpc::ParseEndpoints(list);

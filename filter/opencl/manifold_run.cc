@@ -82,8 +82,8 @@ class ManifoldRun {
   /// Writes value(i) for each point i behind the pixels of plane k.
   template <typename Value>
   void PutPoints(size_t k, Buffer planes, const Value& value) {
-    std::vector<float> values;
-    for (size_t i = 0; i < Points().pixels.size(); ++i) values.push_back(value(i));
+    std::vector<float> values(Points().pixels.size());
+    for (size_t i = 0; i < values.size(); ++i) values[i] = value(i);
     run_.Write(planes, (k * sizes_.sites + sizes_.pixels) * sizeof(float), values.data(),
                values.size() * sizeof(float));
   }

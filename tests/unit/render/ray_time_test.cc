@@ -37,8 +37,10 @@ TEST(RayTime, AllRaysOfAPathHaveTheTimeOfItsCameraRay) {
       std::vector<Sampler> samplers;
       for (uint32_t sample = 0; sample < PathTracer::kPacket; ++sample) {
         samplers.emplace_back(1, 0, pixel, sample);
-        rays.push_back(access.camera().RayThrough(0.5f + static_cast<float>(pixel % 8),
-                                                  0.5f + static_cast<float>(pixel / 8), {}));
+        const uint32_t column = pixel % 8;
+        const uint32_t row = pixel / 8;
+        rays.push_back(access.camera().RayThrough(0.5f + static_cast<float>(column),
+                                                  0.5f + static_cast<float>(row), {}));
         rays.back().random_key = samplers.back().Key(kCameraPair);
         rays.back().time = 0.25f;
       }

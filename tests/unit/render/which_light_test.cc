@@ -16,7 +16,6 @@ namespace {
 
 using scene::PunctualLight;
 using scene::Scene;
-using scene::Vec3;
 
 constexpr int kPictureEdge = 16;
 constexpr int kNoiseFrames = 8;

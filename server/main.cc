@@ -26,6 +26,7 @@
 #include "proto/logging/fields.h"
 #include "proto/logging/log_flags.h"
 #include "proto/logging/nonblocking_log.h"
+#include "proto/monitoring/metrics_flag.h"
 #include "proto/rpc/version.h"
 #include "proto/service/help_style.h"
 #include "proto/service/service_manager.h"
@@ -150,11 +151,7 @@ void AddAddresses(CLI::App* app, Flags* flags) {
                   "Time without a sign of life after which another coordinator takes the jobs of this one")
       ->check(CLI::Range(0.5, 3600.0))
       ->capture_default_str();
-  app->add_option(
-         "--metrics-address", flags->metrics_address,
-         "Show metrics for Prometheus at http://HOST:PORT/metrics, to anyone who reaches it; PORT alone: "
-         "on loopback (default: off)")
-      ->type_name("HOST:PORT");
+  lumifold::monitoring::AddMetricsFlag(app, &flags->metrics_address);
   app->add_option("--page-address", flags->page.address,
                   "Show the status page at HOST:PORT, to those who have a link of 'lumifold page'; port 0: a "
                   "free port; off: nowhere")

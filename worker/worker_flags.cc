@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "proto/device/device_option.h"
+#include "proto/monitoring/metrics_flag.h"
 #include "proto/rpc/version.h"
 #include "worker/render/renderer.h"
 
@@ -98,11 +99,7 @@ void AddFlags(CLI::App* app, Flags* flags) {
                   "Size at which the least recently used of them go")
       ->check(CLI::Range(1, 1 << 20))
       ->capture_default_str();
-  app->add_option(
-         "--metrics-address", flags->metrics_address,
-         "Show metrics for Prometheus at http://HOST:PORT/metrics, to anyone who reaches it; PORT alone: "
-         "on loopback (default: off)")
-      ->type_name("HOST:PORT");
+  monitoring::AddMetricsFlag(app, &flags->metrics_address);
   app->add_option("--memory-mb", flags->sandbox.memory_mb,
                   "Limit of the address space in MiB; 0: none (default: the machine's memory and a reserve)");
   app->add_option("--user", flags->sandbox.user,

@@ -82,7 +82,11 @@ class Cluster(contextlib.AbstractContextManager):
     def owner(self, job, at):
         """The process that owns the job, as `at` says; None while nobody does."""
         answer = self.client("status", job, "--json", at=at, check=False)
-        address = json.loads(answer.stdout).get("coordinator", "") if answer.returncode == 0 else ""
+        return self.owner_of(json.loads(answer.stdout)) if answer.returncode == 0 else None
+
+    def owner_of(self, status):
+        """The process that owns the job of a status; None while nobody does."""
+        address = status.get("coordinator", "")
         return next((each for each in self.coordinators if each.address == address), None)
 
     def last_logs(self, most_lines=200):

@@ -189,6 +189,7 @@ absl::StatusOr<Mesh> GeometryReader::ReadVertices(const tinygltf::Primitive& pri
 
 void GeometryReader::Clean(const std::string& place, Mesh* mesh) {
   DropUnusedVertices(mesh);
+  mesh->positions.reserve(mesh->positions.size() + 1);
   diagnostics_->Count("normals of length zero replaced", place, NormalizeNormals(mesh));
   NormalizeTangents(mesh);
   diagnostics_->Count("vertex colours outside 0 to 1 clamped", place, ClampColors(mesh));

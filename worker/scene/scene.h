@@ -166,11 +166,11 @@ std::array<TextureUse, 17> TexturesOf(const Material& material);
 
 /// Triangles of one material. Vectors other than positions and triangles are empty or as long as positions.
 struct Mesh {
-  std::vector<Vec3> positions;
-  std::vector<Vec3> normals;        // unit length; empty: flat
-  std::vector<Vec2> uvs[2];         // TEXCOORD_0, TEXCOORD_1
-  std::vector<Vec4> tangents;       // xyz unit, w = handedness
-  std::vector<Vec4> colors;         // linear RGBA
+  std::vector<Vec3> positions;  // with room for one more, Embree can share them: it reads 16 bytes of each
+  std::vector<Vec3> normals;    // unit length; empty: flat
+  std::vector<Vec2> uvs[2];     // TEXCOORD_0, TEXCOORD_1
+  std::vector<Vec4> tangents;   // xyz unit, w = handedness
+  std::vector<Vec4> colors;     // linear RGBA
   std::vector<uint32_t> triangles;  // 3 indices each, counter-clockwise seen from the front
   int material = kNone;             // kNone: glTF's default material
 };

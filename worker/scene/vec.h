@@ -71,6 +71,8 @@ struct Affine {
     const float side = Determinant() < 0 ? -1.0f : 1.0f;
     return (Cross(y, z) * n.x + Cross(z, x) * n.y + Cross(x, y) * n.z) * side;
   }
+
+  friend constexpr bool operator==(const Affine&, const Affine&) = default;
 };
 
 /// The transform that applies b, then a.

@@ -14,6 +14,7 @@
 #include "absl/synchronization/notification.h"
 #include "filter/image/mix_bits.h"
 #include "filter/image/parallel.h"
+#include "tests/bench/embree_tap.h"
 #include "tests/support/analytic_scenes.h"
 
 namespace lumifold::render {
@@ -120,6 +121,27 @@ TEST(EmbreeScene, AnyNumberOfThreadsBuildsTheSameTree) {
       ASSERT_EQ(hit.u, same.u);
       ASSERT_EQ(hit.distance, same.distance);
     }
+  }
+}
+
+TEST(EmbreeScene, SharesVerticesThatNeedNoTransform) {
+  scene::Mesh sphere = testing::SphereMesh(0.7f, 60, scene::kNone);
+  sphere.positions.shrink_to_fit();
+  ASSERT_EQ(sphere.positions.capacity(), sphere.positions.size());
+  const auto bytes_of_tree = [](const scene::Scene& scene) {
+    const int64_t before = bench::EmbreeBytes();
+    const auto embree = EmbreeScene::Create(scene);
+    EXPECT_TRUE(embree.ok()) << embree.status();
+    return bench::EmbreeBytes() - before;
+  };
+  for (const int places : {1, 2}) {  // in world space, and as instances
+    scene::Scene scene;
+    testing::Place(&scene, sphere);
+    scene.instances.resize(static_cast<size_t>(places), scene.instances[0]);
+    const int64_t copied = bytes_of_tree(scene);
+    std::vector<scene::Vec3>& positions = scene.meshes[0].positions;
+    positions.reserve(positions.size() + 1);
+    EXPECT_GE(copied - bytes_of_tree(scene), static_cast<int64_t>(sizeof(scene::Vec3) * positions.size()));
   }
 }
 

@@ -50,6 +50,13 @@ TEST(Geometry, LeavesOutPointsAndLinesWithAWarning) {
               Contains("primitives of points or lines left out: 2 (the first in mesh 0 primitive 0)"));
 }
 
+TEST(Geometry, PositionsHaveRoomForOneMoreSoThatEmbreeCanShareThem) {
+  GltfFixture fixture;
+  fixture.AddTriangles(kTriangle);
+  const Scene scene = MustLoad(fixture);
+  EXPECT_GT(scene.meshes[0].positions.capacity(), 3u);
+}
+
 TEST(Geometry, DropsAndCountsDegenerateTriangles) {
   GltfFixture fixture;
   const int indices = fixture.AddIndices({0, 1, 2, 0, 0, 1, 1, 3, 2, 0, 2, 4});

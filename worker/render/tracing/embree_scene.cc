@@ -320,12 +320,23 @@ class EmbreeSceneImpl final : public EmbreeScene {
     rtcAttachGeometryByID(transparent_.get(), geometry, id);
   }
 
+  /// Vertices are shared where they need no transform. Embree reads 16 bytes of each.
+  static bool SetVertices(RTCGeometry geometry, const std::vector<Vec3>& positions, const Affine& to_world) {
+    if (to_world == Affine{} && positions.capacity() > positions.size()) {
+      rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, positions.data(), 0,
+                                 sizeof(Vec3), positions.size());
+      return true;
+    }
+    auto* const copies = static_cast<Vec3*>(rtcSetNewGeometryBuffer(
+        geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3), positions.size()));
+    if (copies == nullptr) return false;
+    std::ranges::transform(positions, copies, [&](Vec3 p) { return to_world.Point(p); });
+    return true;
+  }
+
   Geometry NewTriangles(const scene::Mesh& mesh, const Affine& to_world, OpacityClass opacity_class) const {
     Geometry geometry(rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
-    auto* positions = static_cast<Vec3*>(rtcSetNewGeometryBuffer(
-        geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3), mesh.positions.size()));
-    if (positions == nullptr) return nullptr;
-    for (size_t i = 0; i < mesh.positions.size(); ++i) positions[i] = to_world.Point(mesh.positions[i]);
+    if (!SetVertices(geometry.get(), mesh.positions, to_world)) return nullptr;
     rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                mesh.triangles.data(), 0, 3 * sizeof(uint32_t), mesh.triangles.size() / 3);
     if (opacity_class != OpacityClass::kOpaque) {

@@ -4,6 +4,8 @@
 #include <array>
 #include <cstddef>
 
+#include "filter/manifold/fit_call.h"
+
 namespace lumifold::filter {
 
 /// A sample of a regression, in units of the picture's mean: a row of kSignals signals, then kTerms terms, of
@@ -67,15 +69,11 @@ class LinearFit {
   }
 
  private:
-  static constexpr float kMinPower = 1e-3f;  // F^2 counts as at least this, over the mean's square
-  static constexpr float kMinRidge = 1e-5f;  // over the window's weight
-  static constexpr float kMaxRidge = 1;      // over the same
-
   /// Variance of the samples over the variance of a slope's prior.
   float Ridge() const {
     const float weight = sums_[0][kSignals];
-    const float expected = slope_ * slope_ * (power_ + kMinPower * weight);
-    return std::min(variance_ / expected, kMaxRidge * weight) + kMinRidge * weight;
+    const float expected = slope_ * slope_ * (power_ + kMinFitPower * weight);
+    return std::min(variance_ / expected, kMaxFitRidge * weight) + kMinFitRidge * weight;
   }
 
   /// Adds by * row to the sums of term i. The matrix is symmetric: columns of later terms are left out, but

@@ -13,6 +13,7 @@
 #include "filter/image/planes.h"
 #include "filter/image/rect.h"
 #include "filter/kernels/box_mean.h"
+#include "filter/manifold/manifold_device.h"
 
 namespace lumifold::filter {
 
@@ -33,8 +34,8 @@ class ModelGrid {
     std::array<float, kPaddedTraits> traits =
         {};            // over their sigmas; samples are alike where these are near
     float weight = 0;  // in fits; 0 where a half is missing or unusable
-    int x = 0;
-    int y = 0;
+    float x = 0;       // px, whole
+    float y = 0;
   };
 
   /// Samples of the pixels within a window of those with `fitted` > 0. Source: size_t Count(x, y) const, and
@@ -57,11 +58,11 @@ class ModelGrid {
       if (FirstOf(x, y) == EndOf(x, y)) return;
       source.Read(x, y, &samples_[FirstOf(x, y)]);
       for (size_t i = FirstOf(x, y); i < EndOf(x, y); ++i) {
-        samples_[i].x = x;
-        samples_[i].y = y;
+        samples_[i].x = static_cast<float>(x);
+        samples_[i].y = static_cast<float>(y);
       }
     });
-    FitModels(fitted, pool);
+    Fit(fitted, pool);
   }
 
   /// Index of the first sample of a pixel, and one after the last.
@@ -72,8 +73,79 @@ class ModelGrid {
 
   /// The signals at a sample of a fitted pixel; none where nothing is like it.
   std::optional<std::array<float, kSignals>> ValueAt(size_t sample) const {
+    const auto target = static_cast<size_t>(target_of_[sample]);
+    if (!(result_.totals[target] > 0)) return std::nullopt;
+    std::array<float, kSignals> value;
+    for (size_t s = 0; s < kSignals; ++s)
+      value[s] = result_.values[target * kSignals + s] / result_.totals[target];
+    return value;
+  }
+
+ private:
+  using Model = LinearModel<kTerms, kSignals>;
+  static constexpr FitShape kShape = {kTerms, kSignals, kPaddedTraits};
+  static_assert(sizeof(Sample) == static_cast<size_t>(kShape.Sample()) * sizeof(float));
+
+  size_t IndexOf(int x, int y) const {
+    return static_cast<size_t>(y) * static_cast<size_t>(bounds_.width()) + static_cast<size_t>(x);
+  }
+
+  float Falloff() const { return 1.0f / (params_.sigma_px * params_.sigma_px); }
+
+  /// On the device of the pool, if it can.
+  void Fit(const Plane& fitted, TaskPool* pool) {
+    std::vector<int32_t> targets;
+    target_of_.assign(samples_.size(), -1);
+    for (size_t i = 0; i < samples_.size(); ++i) {
+      if (!(fitted.At(static_cast<int>(samples_[i].x), static_cast<int>(samples_[i].y)) > 0)) continue;
+      target_of_[i] = static_cast<int32_t>(targets.size());
+      targets.push_back(static_cast<int32_t>(i));
+    }
+    if (targets.empty()) return;
+    const FitCall call = {
+        kShape,           bounds_.width(),
+        bounds_.height(), radius_,
+        Falloff(),        params_.slope,
+        first_,           {&samples_[0].fit.row[0], samples_.size() * static_cast<size_t>(kShape.Sample())},
+        targets};
+    ManifoldDevice* const device = DeviceOf(pool);
+    std::optional<FitResult> result = device != nullptr ? device->Fit(call) : std::nullopt;
+    if (!result.has_value()) result = FitHere(call, pool);
+    result_ = *std::move(result);
+  }
+
+  FitResult FitHere(const FitCall& call, TaskPool* pool) {
+    std::vector<size_t> centres;
+    model_of_.assign(samples_.size(), -1);
+    for (const int32_t target : call.targets) {
+      if (!call.IsCentre(target)) continue;
+      model_of_[static_cast<size_t>(target)] = static_cast<int32_t>(centres.size());
+      centres.push_back(static_cast<size_t>(target));
+    }
+    models_.resize(centres.size());
+    ForEachOf(centres.size(), pool, [&](size_t m) {
+      models_[m] = *FitAt(samples_[centres[m]]);  // the centre itself counts
+    });
+    FitResult result = {std::vector<float>(call.targets.size() * kSignals),
+                        std::vector<float>(call.targets.size())};
+    ForEachOf(call.targets.size(), pool, [&](size_t t) {
+      result.totals[t] = AddModelsAt(static_cast<size_t>(call.targets[t]), &result.values[t * kSignals]);
+    });
+    return result;
+  }
+
+  template <typename Body>
+  static void ForEachOf(size_t count, TaskPool* pool, const Body& body) {
+    constexpr size_t kPerTask = 256;
+    ParallelFor(pool, static_cast<int64_t>((count + kPerTask - 1) / kPerTask), [&](int64_t task) {
+      const size_t begin = static_cast<size_t>(task) * kPerTask;
+      for (size_t i = begin; i < std::min(begin + kPerTask, count); ++i) body(i);
+    });
+  }
+
+  /// Adds the signals of the models around a sample to `sum`, which is 0. Returns their weight.
+  float AddModelsAt(size_t sample, float* sum) const {
     const Sample& at = samples_[sample];
-    std::array<float, kSignals> sum = {};
     float total = 0;
     const auto add = [&](const Model& model, const Sample& centre, float weight) {
       total += weight;
@@ -87,8 +159,8 @@ class ModelGrid {
       add(models_[static_cast<size_t>(model_of_[i])], samples_[i], weight);
     };
     const Rect window = WindowOf(at);
-    for (int y = FirstModelFrom(window.y0); y < window.y1; y += kModelStep) {
-      for (int x = FirstModelFrom(window.x0); x < window.x1; x += kModelStep) {
+    for (int y = FirstModelFrom(window.y0); y < window.y1; y += kFitStep) {
+      for (int x = FirstModelFrom(window.x0); x < window.x1; x += kFitStep) {
         for (size_t i = FirstOf(x, y); i < EndOf(x, y); ++i) {
           if (model_of_[i] >= 0) IfSimilar(at, i, add_model_of);
         }
@@ -97,40 +169,7 @@ class ModelGrid {
     if (model_of_[sample] < 0 && total < kMinModelWeight) {
       if (const std::optional<Model> own = FitAt(at); own.has_value()) add(*own, at, kMinModelWeight - total);
     }
-    if (!(total > 0)) return std::nullopt;
-    for (float& value : sum) value /= total;
-    return sum;
-  }
-
- private:
-  using Model = LinearModel<kTerms, kSignals>;
-
-  static constexpr int kModelStep = 3;
-  static constexpr float kMinModelWeight =
-      1;  // samples with less weight of models around them have one of their own
-  static constexpr float kMaxSquare = 10;  // of a distance in sigmas, from which on weights are 0
-
-  size_t IndexOf(int x, int y) const {
-    return static_cast<size_t>(y) * static_cast<size_t>(bounds_.width()) + static_cast<size_t>(x);
-  }
-
-  void FitModels(const Plane& fitted, TaskPool* pool) {
-    model_of_.assign(samples_.size(), -1);
-    std::vector<size_t> centres;
-    for (size_t i = 0; i < samples_.size(); ++i) {
-      const Sample& sample = samples_[i];
-      if (sample.x % kModelStep != 0 || sample.y % kModelStep != 0) continue;
-      if (!(sample.weight > 0) || !(fitted.At(sample.x, sample.y) > 0)) continue;
-      model_of_[i] = static_cast<int32_t>(centres.size());
-      centres.push_back(i);
-    }
-    models_.resize(centres.size());
-    constexpr size_t kPerTask = 256;
-    ParallelFor(pool, static_cast<int64_t>((centres.size() + kPerTask - 1) / kPerTask), [&](int64_t task) {
-      const size_t begin = static_cast<size_t>(task) * kPerTask;
-      for (size_t m = begin; m < std::min(begin + kPerTask, centres.size()); ++m)
-        models_[m] = *FitAt(samples_[centres[m]]);  // the centre itself counts
-    });
+    return total;
   }
 
   std::optional<Model> FitAt(const Sample& centre) const {
@@ -149,21 +188,20 @@ class ModelGrid {
   }
 
   Rect WindowOf(const Sample& centre) const {
-    return Inflate({centre.x, centre.y, centre.x + 1, centre.y + 1}, radius_, bounds_);
+    const int x = static_cast<int>(centre.x), y = static_cast<int>(centre.y);
+    return Inflate({x, y, x + 1, y + 1}, radius_, bounds_);
   }
 
-  static int FirstModelFrom(int place) { return (place + kModelStep - 1) / kModelStep * kModelStep; }
+  static int FirstModelFrom(int place) { return (place + kFitStep - 1) / kFitStep * kFitStep; }
 
   /// Calls body(i, weight) if sample i, of the window around `centre`, has weight there. Weights are nearly
   /// those of a normal curve, and fall to 0 without a step, so that rounding changes no sum by much.
   template <typename Body>
   void IfSimilar(const Sample& centre, size_t i, const Body& body) const {
-    const float falloff = 1.0f / (params_.sigma_px * params_.sigma_px);
-    const int dx = samples_[i].x - centre.x;
-    const int dy = samples_[i].y - centre.y;
-    const float square =
-        falloff * static_cast<float>(dx * dx + dy * dy) + SquaredDistance(samples_[i], centre);
-    const float part = 1.0f - square / kMaxSquare;
+    const float dx = samples_[i].x - centre.x;
+    const float dy = samples_[i].y - centre.y;
+    const float square = Falloff() * (dx * dx + dy * dy) + SquaredDistance(samples_[i], centre);
+    const float part = 1.0f - square / kMaxFitSquare;
     if (part > 0) body(i, part * part * part);
   }
 
@@ -185,6 +223,8 @@ class ModelGrid {
   std::vector<Sample> samples_;
   std::vector<int32_t> model_of_;  // of each sample; -1: it has none
   std::vector<Model> models_;
+  std::vector<int32_t> target_of_;  // of each sample: its number among those of fitted pixels; -1: of others
+  FitResult result_;
 };
 
 }  // namespace lumifold::filter

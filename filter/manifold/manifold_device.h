@@ -8,6 +8,7 @@
 #include "absl/types/span.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
+#include "filter/manifold/fit_call.h"
 #include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {
@@ -38,8 +39,8 @@ struct ManifoldCall {
   size_t FeatureCount() const { return static_cast<size_t>(patches.dimensions) + features.size(); }
 };
 
-/// A processor beside this machine's own. ManifoldFilterAtPoints and FilterGuided (filter/layers/guide.h) use
-/// the one that their pool has.
+/// A processor beside this machine's own. ManifoldFilterAtPoints, FilterGuided (filter/layers/guide.h) and
+/// ModelGrid use the one that their pool has. nullopt: the device cannot, and the processor does it.
 /// Threads: safe concurrently.
 class ManifoldDevice {
  public:
@@ -49,8 +50,9 @@ class ManifoldDevice {
   virtual std::string OtherBits() const = 0;
 
   /// The results of calls of one size, with the same numbers of planes and parameters. What calls share goes
-  /// to the device once. nullopt: the device cannot, and the processor does it.
+  /// to the device once.
   virtual std::optional<std::vector<ManifoldResult>> Filter(absl::Span<const ManifoldCall> calls) = 0;
+  virtual std::optional<FitResult> Fit(const FitCall& call) = 0;
 };
 
 /// `pool` with a device; `device` may be null.

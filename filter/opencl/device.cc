@@ -15,6 +15,7 @@
 #include "filter/kernels/kernel_constants.h"
 #include "filter/manifold/manifold_constants.h"
 #include "filter/opencl/covariance_source.h"
+#include "filter/opencl/fit_source.h"
 #include "filter/opencl/manifold_source.h"
 #include "filter/opencl/opencl_library.h"
 #include "filter/opencl/probe_source.h"
@@ -78,24 +79,50 @@ bool HasDoubles(const OpenClLibrary& cl, cl_device_id device) {
   return (NumberOf<cl_device_fp_config>(cl, device, CL_DEVICE_DOUBLE_FP_CONFIG) & CL_FP_DENORM) != 0;
 }
 
-/// Options of the compiler: how numbers round, and what the kernels ask for.
-std::string CompilerOptions(const KernelOptions& options, bool has_doubles, bool has_own_bits) {
-  std::string text = absl::StrFormat(
-      "-cl-std=CL1.2 %s -DFEATURES=%d -DCHANNELS=%d -DFITS=%d -DSTEP=%d "
-      "-DMOST_FEATURES=%d -DMOST_PLANES=%d -DMOST_STEP=%d -DDOUBLES=%d",
-      has_own_bits ? "-cl-fp32-correctly-rounded-divide-sqrt" : "", options.features, options.channels,
-      options.fits ? 1 : 0, options.step, options.features, options.planes(), options.step,
-      has_doubles ? 1 : 0);
-  const std::pair<const char*, float> constants[] = {{"kFarthest", kFarthest},
-                                                     {"kSeam", kSeam},
-                                                     {"kSqrt2", kSqrt2},
-                                                     {"kLeastClusterMass", kLeastClusterMass},
-                                                     {"kParentMass", kParentMass},
-                                                     {"kLeastTotal", kLeastTotal},
-                                                     {"kLeastWeight", kLeastWeight},
-                                                     {"kMostDeviations", kMostDeviations}};
-  for (const auto& [name, value] : constants) absl::StrAppendFormat(&text, " -D%s=%af", name, value);
-  return text + absl::StrFormat(" -DkLeastSpread=0x%xUL", std::bit_cast<uint64_t>(kLeastSpread));
+/// What the compiler is told of a program.
+struct ProgramText {
+  std::vector<const char*> sources;
+  std::string options;
+  bool has_reals = false;  // also numbers of double precision
+};
+
+void Define(std::initializer_list<std::pair<const char*, float>> constants, std::string* options) {
+  for (const auto& [name, value] : constants) absl::StrAppendFormat(options, " -D%s=%af", name, value);
+}
+
+ProgramText TextOf(const KernelOptions& options, bool has_doubles) {
+  ProgramText text = {
+      {kProbeKernels, kManifoldKernels, kCovarianceKernels, kProjectionKernels},
+      absl::StrFormat("-DFEATURES=%d -DCHANNELS=%d -DFITS=%d -DSTEP=%d -DMOST_FEATURES=%d -DMOST_PLANES=%d "
+                      "-DMOST_STEP=%d -DDOUBLES=%d -DkLeastSpread=0x%xUL",
+                      options.features, options.channels, options.fits ? 1 : 0, options.step,
+                      options.features, options.planes(), options.step, has_doubles ? 1 : 0,
+                      std::bit_cast<uint64_t>(kLeastSpread)),
+      true};
+  Define({{"kFarthest", kFarthest},
+          {"kSeam", kSeam},
+          {"kSqrt2", kSqrt2},
+          {"kLeastClusterMass", kLeastClusterMass},
+          {"kParentMass", kParentMass},
+          {"kLeastTotal", kLeastTotal},
+          {"kLeastWeight", kLeastWeight},
+          {"kMostDeviations", kMostDeviations}},
+         &text.options);
+  return text;
+}
+
+ProgramText TextOf(const FitShape& shape, bool) {
+  ProgramText text = {
+      {kProbeKernels, kFitKernels},
+      absl::StrFormat("-DFIT_TERMS=%d -DFIT_SIGNALS=%d -DFIT_TRAITS=%d -DMOST_FIT_ROW=%d -DkFitStep=%d",
+                      shape.terms, shape.signals, shape.traits, shape.Row(), kFitStep)};
+  Define({{"kMinFitPower", kMinFitPower},
+          {"kMinFitRidge", kMinFitRidge},
+          {"kMaxFitRidge", kMaxFitRidge},
+          {"kMinModelWeight", kMinModelWeight},
+          {"kMaxFitSquare", kMaxFitSquare}},
+         &text.options);
+  return text;
 }
 
 class OpenClRun final : public KernelRun {
@@ -190,8 +217,8 @@ class OpenClRun final : public KernelRun {
   absl::Status status_;
 };
 
-/// Runs the kernels Probe and ProbeReals, and compares with this processor.
-absl::Status CheckBits(KernelRun* run) {
+/// Runs the kernel Probe, and ProbeReals where there is one, and compares with this processor.
+absl::Status CheckBits(bool has_reals, KernelRun* run) {
   constexpr int32_t kPairs = 4096;
   std::vector<float> a, b;
   for (uint32_t i = 0; i < kPairs; ++i) {  // from 2^-15 to 2^16, all bits of the mantissa
@@ -217,13 +244,13 @@ absl::Status CheckBits(KernelRun* run) {
   run->Write(device_a, 0, a.data(), pair_bytes);
   run->Write(device_b, 0, b.data(), pair_bytes);
   run->Run("Probe", kPairs, {kPairs, device_a, device_b, device_singles});
-  run->Run("ProbeReals", kPairs, {kPairs, device_a, device_b, device_doubles});
+  if (has_reals) run->Run("ProbeReals", kPairs, {kPairs, device_a, device_b, device_doubles});
   absl::Status status = run->Finish();
   if (status.ok()) status = run->Read(device_singles, 0, single_bytes, found_singles.data());
   if (status.ok()) status = run->Read(device_doubles, 0, double_bytes, found_doubles.data());
   if (!status.ok()) return status;
   if (std::memcmp(singles.data(), found_singles.data(), single_bytes) == 0 &&
-      std::memcmp(doubles.data(), found_doubles.data(), double_bytes) == 0)
+      (!has_reals || std::memcmp(doubles.data(), found_doubles.data(), double_bytes) == 0))
     return absl::OkStatus();
   return absl::FailedPreconditionError("its numbers differ from this processor's, against what it reports");
 }
@@ -251,13 +278,14 @@ class OpenClDevice final : public Device {
             NumberOf<cl_ulong>(cl_, device_, CL_DEVICE_MAX_MEM_ALLOC_SIZE)};
   }
 
-  absl::StatusOr<std::unique_ptr<KernelRun>> Begin(const KernelOptions& options) override {
+  absl::StatusOr<std::unique_ptr<KernelRun>> Begin(const ProgramOptions& options) override {
     auto found = programs_.find(options);
     if (found == programs_.end()) {
-      absl::StatusOr<Held<cl_program>> program = Build(options);
+      const ProgramText text = std::visit([&](const auto& of) { return TextOf(of, has_doubles_); }, options);
+      absl::StatusOr<Held<cl_program>> program = Build(text);
       if (!program.ok()) return program.status();
       OpenClRun probe(cl_, context_.get(), queue_.get(), program->get());
-      const absl::Status status = has_own_bits_ ? CheckBits(&probe) : absl::OkStatus();
+      const absl::Status status = has_own_bits_ ? CheckBits(text.has_reals, &probe) : absl::OkStatus();
       if (!status.ok()) return status;
       found = programs_.emplace(options, *std::move(program)).first;
     }
@@ -265,18 +293,17 @@ class OpenClDevice final : public Device {
   }
 
  private:
-  absl::StatusOr<Held<cl_program>> Build(const KernelOptions& options) const {
-    std::array<const char*, 4> sources = {kProbeKernels, kManifoldKernels, kCovarianceKernels,
-                                          kProjectionKernels};
+  absl::StatusOr<Held<cl_program>> Build(const ProgramText& text) const {
+    std::vector<const char*> sources = text.sources;
+    const std::string options = absl::StrCat(
+        "-cl-std=CL1.2 ", has_own_bits_ ? "-cl-fp32-correctly-rounded-divide-sqrt " : "", text.options);
     cl_int error = CL_SUCCESS;
     Held<cl_program> program(
         cl_.clCreateProgramWithSource(context_.get(), static_cast<cl_uint>(sources.size()), sources.data(),
                                       nullptr, &error),
         cl_.clReleaseProgram);
     if (error != CL_SUCCESS) return OpenClStatus(error, "clCreateProgramWithSource");
-    error =
-        cl_.clBuildProgram(program.get(), 1, &device_,
-                           CompilerOptions(options, has_doubles_, has_own_bits_).c_str(), nullptr, nullptr);
+    error = cl_.clBuildProgram(program.get(), 1, &device_, options.c_str(), nullptr, nullptr);
     if (error == CL_SUCCESS) return program;
     std::vector<char> log(size_t{1} << 14);
     cl_.clGetProgramBuildInfo(program.get(), device_, CL_PROGRAM_BUILD_LOG, log.size() - 1, log.data(),
@@ -291,7 +318,7 @@ class OpenClDevice final : public Device {
   const bool has_own_bits_;
   Held<cl_context> context_;
   Held<cl_command_queue> queue_;
-  std::map<KernelOptions, Held<cl_program>> programs_;
+  std::map<ProgramOptions, Held<cl_program>> programs_;
 };
 
 }  // namespace

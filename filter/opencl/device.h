@@ -39,7 +39,7 @@ class Device {
   /// allowed.
   /// Errors: kFailedPrecondition: they do not; kInternal with the compiler's words.
   /// The device must outlive the run.
-  virtual absl::StatusOr<std::unique_ptr<KernelRun>> Begin(const KernelOptions& options) = 0;
+  virtual absl::StatusOr<std::unique_ptr<KernelRun>> Begin(const ProgramOptions& options) = 0;
 };
 
 /// Opens device `number` of ListDevices(). With `allows_other_bits` the kernels of a device that has other

@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "filter/opencl/device.h"
+#include "filter/opencl/fit_run.h"
 #include "filter/opencl/manifold_run.h"
 
 namespace lumifold::filter {
@@ -33,22 +34,31 @@ class FilterDevice final : public ManifoldDevice {
   std::string OtherBits() const override { return other_bits_; }
 
   std::optional<std::vector<ManifoldResult>> Filter(absl::Span<const ManifoldCall> calls) override {
-    const DeviceMemory least = LeastMemory(calls);
+    return Do(calls, KernelsOf(calls.front()), RunManifolds);
+  }
+  std::optional<FitResult> Fit(const FitCall& call) override { return Do(call, call.shape, RunFit); }
+
+ private:
+  /// Work by kernels of a program in the memory that can be had.
+  template <typename Call, typename Parameter, typename Result>
+  std::optional<Result> Do(const Call& call, const ProgramOptions& options,
+                           absl::StatusOr<Result> (*work)(Parameter, const DeviceMemory&, KernelRun*)) {
+    const DeviceMemory least = LeastMemory(call);
     const std::lock_guard lock(mutex_);
     while (!has_failed_) {
       if (!memory_.Holds(least)) {
         Leave(least);
         return std::nullopt;
       }
-      const absl::StatusOr<std::unique_ptr<KernelRun>> run = device_->Begin(KernelsOf(calls.front()));
+      const absl::StatusOr<std::unique_ptr<KernelRun>> run = device_->Begin(options);
       absl::Status status = run.status();
       if (run.ok()) {
-        absl::StatusOr<std::vector<ManifoldResult>> results = RunManifolds(calls, memory_, run->get());
-        if (results.ok()) return *std::move(results);
-        status = results.status();
+        absl::StatusOr<Result> result = work(call, memory_, run->get());
+        if (result.ok()) return *std::move(result);
+        status = result.status();
       }
       if (run.ok() && absl::IsResourceExhausted(status)) {
-        memory_.whole = TakenMemory(calls, memory_).whole / 4 * 3;  // others use the rest
+        memory_.whole = TakenMemory(call, memory_).whole / 4 * 3;  // others use the rest
         continue;
       }
       has_failed_ = true;
@@ -57,7 +67,6 @@ class FilterDevice final : public ManifoldDevice {
     return std::nullopt;
   }
 
- private:
   void Leave(const DeviceMemory& least) {
     if (std::exchange(has_left_, true)) return;
     constexpr double kMega = 1e6;

@@ -7,10 +7,11 @@
 #include <variant>
 
 #include "absl/status/status.h"
+#include "filter/manifold/fit_call.h"
 
 namespace lumifold::filter {
 
-/// What the kernels of a program are made for.
+/// What the kernels of manifold.cl are made for.
 struct KernelOptions {
   int features = 1;
   int channels = 3;   // of the signals
@@ -20,6 +21,16 @@ struct KernelOptions {
   /// Signals that are splatted and then sliced, with the weight.
   int planes() const { return fits ? 15 : channels + 1; }
   auto operator<=>(const KernelOptions&) const = default;
+};
+
+/// What a program is made for: the manifolds, or fit.cl.
+using ProgramOptions = std::variant<KernelOptions, FitShape>;
+
+/// As fit.cl has it.
+struct FitWindow {
+  int32_t width, height;
+  int32_t radius;
+  float falloff;
 };
 
 /// As manifold.cl has it.
@@ -42,7 +53,7 @@ struct DeviceMemory {
 class KernelRun {
  public:
   enum class Buffer : size_t {};
-  using Argument = std::variant<Buffer, Grid, int32_t, float>;
+  using Argument = std::variant<Buffer, Grid, FitWindow, int32_t, float>;
 
   virtual ~KernelRun() = default;
 

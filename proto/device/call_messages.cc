@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <utility>
 #include <vector>
@@ -39,6 +40,12 @@ struct Header {
   uint32_t signals, colors, features;
   int32_t radius, dimensions;
   ParamsHeader params;
+};
+struct FitHeader {
+  int32_t width, height, radius;
+  int32_t terms, signals, traits;
+  float falloff, slope;
+  uint32_t samples, targets;
 };
 struct PartHeader {
   float scale;
@@ -90,6 +97,45 @@ size_t TapsOf(const Header& header) {
   if (header.dimensions == 0) return 0;
   const size_t side = 2 * static_cast<size_t>(header.radius) + 1;
   return size_t{header.colors} * static_cast<size_t>(header.dimensions) * side * side;
+}
+
+FitHeader HeaderOf(const filter::FitCall& call) {
+  const filter::FitShape& shape = call.shape;
+  return {call.width,
+          call.height,
+          call.radius,
+          shape.terms,
+          shape.signals,
+          shape.traits,
+          call.falloff,
+          call.slope,
+          static_cast<uint32_t>(call.Count()),
+          static_cast<uint32_t>(call.targets.size())};
+}
+
+bool IsValid(const FitHeader& header) {
+  const auto is_count = [](int32_t count) { return count >= 1 && IsCount(static_cast<uint32_t>(count)); };
+  return IsSize(header.width, header.height) && header.radius >= 0 && header.radius <= kMostRadius &&
+         is_count(header.terms) && is_count(header.signals) && is_count(header.traits) &&
+         header.traits % 4 == 0 && std::isfinite(header.falloff) && std::isfinite(header.slope) &&
+         header.samples <= kMostPoints / (4 * kMostPlanes) && header.targets <= header.samples;
+}
+
+/// Whether kernels stay within the lists of a call whose header is valid.
+bool HasValidLists(const filter::FitCall& call) {
+  const auto& firsts = call.firsts;
+  const auto is_number = [&](int32_t i) { return i >= 0 && static_cast<size_t>(i) < call.Count(); };
+  return firsts.front() == 0 && static_cast<size_t>(firsts.back()) == call.Count() &&
+         std::is_sorted(firsts.begin(), firsts.end()) &&
+         std::is_sorted(call.targets.begin(), call.targets.end(), std::less_equal<>()) &&
+         std::all_of(call.targets.begin(), call.targets.end(), is_number);
+}
+
+bool SendOperation(Operation operation, SocketStream* to) { return to->Write(&operation, sizeof(operation)); }
+
+template <typename T>
+bool SendList(absl::Span<const T> values, SocketStream* to) {
+  return to->Write(values.data(), values.size() * sizeof(T));
 }
 
 template <typename T>
@@ -254,7 +300,7 @@ bool CanSend(absl::Span<const ManifoldCall> calls) {
 bool SendCalls(absl::Span<const ManifoldCall> calls, SocketStream* to) {
   const PlaneTable table(calls);
   const Header header = HeaderOf(calls, table);
-  bool works = to->Write(&header, sizeof(header));
+  bool works = SendOperation(Operation::kFilter, to) && to->Write(&header, sizeof(header));
   for (const ConstFloatView& plane : table.planes) works = works && to->WriteRows(plane);
   for (const ManifoldCall& call : calls) works = works && SendPart(call, table, to);
   return works;
@@ -283,6 +329,72 @@ std::optional<ReceivedCalls> ReceiveCalls(SocketStream* from) {
   for (ReceivedCalls::Part& part : calls.parts) works = works && ReceivePart(header, from, &part);
   if (!works) return std::nullopt;
   return calls;
+}
+
+std::optional<Operation> ReceiveOperation(SocketStream* from) {
+  Operation operation = {};
+  if (!from->Read(&operation, sizeof(operation)) || operation > Operation::kFit) return std::nullopt;
+  return operation;
+}
+
+filter::FitCall ReceivedFit::View() const {
+  filter::FitCall view = call;
+  view.firsts = firsts;
+  view.samples = samples;
+  view.targets = targets;
+  return view;
+}
+
+bool CanSend(const filter::FitCall& call) { return IsValid(HeaderOf(call)); }
+
+bool SendFit(const filter::FitCall& call, SocketStream* to) {
+  const FitHeader header = HeaderOf(call);
+  return SendOperation(Operation::kFit, to) && to->Write(&header, sizeof(header)) &&
+         SendList(call.firsts, to) && SendList(call.samples, to) && SendList(call.targets, to);
+}
+
+std::optional<ReceivedFit> ReceiveFit(SocketStream* from) {
+  FitHeader header = {};
+  if (!from->Read(&header, sizeof(header)) || !IsValid(header)) return std::nullopt;
+  ReceivedFit fit;
+  fit.call = {.shape = {header.terms, header.signals, header.traits},
+              .width = header.width,
+              .height = header.height,
+              .radius = header.radius,
+              .falloff = header.falloff,
+              .slope = header.slope,
+              .firsts = {},
+              .samples = {},
+              .targets = {}};
+  const auto row = static_cast<size_t>(header.width);
+  const size_t pixels = row * static_cast<size_t>(header.height);
+  const auto of_sample = static_cast<size_t>(fit.call.shape.Sample());
+  if (!ReceiveList(pixels + 1, from, &fit.firsts) ||
+      !ReceiveList(header.samples * of_sample, from, &fit.samples) ||
+      !ReceiveList(header.targets, from, &fit.targets) || !HasValidLists(fit.View()))
+    return std::nullopt;
+  for (size_t pixel = 0; pixel < pixels; ++pixel) {
+    for (auto i = static_cast<size_t>(fit.firsts[pixel]); i < static_cast<size_t>(fit.firsts[pixel + 1]);
+         ++i) {
+      float* const end = fit.samples.data() + (i + 1) * of_sample;
+      end[-2] = static_cast<float>(pixel % row);
+      end[-1] = static_cast<float>(pixel / row);
+    }
+  }
+  return fit;
+}
+
+bool SendResult(const filter::FitResult& result, SocketStream* to) {
+  return SendList(result.values, to) && SendList(result.totals, to);
+}
+
+std::optional<filter::FitResult> ReceiveResult(const filter::FitCall& call, SocketStream* from) {
+  filter::FitResult result;
+  const size_t count = call.targets.size();
+  if (!ReceiveList(count * static_cast<size_t>(call.shape.signals), from, &result.values) ||
+      !ReceiveList(count, from, &result.totals))
+    return std::nullopt;
+  return result;
 }
 
 bool SendHasResult(bool has_result, SocketStream* to) {

@@ -14,6 +14,11 @@ namespace lumifold::device {
 // process with the device is in no sandbox, the caller may be a sandboxed one that a malformed scene has
 // taken over: what is received of calls is checked.
 
+/// What a message asks for; it comes first.
+enum class Operation : uint32_t { kFilter, kFit };
+/// nullopt: the other end is closed, or there is none such.
+std::optional<Operation> ReceiveOperation(SocketStream* from);
+
 /// Calls, and what they refer to. Planes that several share are here once.
 struct ReceivedCalls {
   struct Part {
@@ -36,9 +41,23 @@ struct ReceivedCalls {
 /// Whether calls are within the limits of what is received.
 bool CanSend(absl::Span<const filter::ManifoldCall> calls);
 bool SendCalls(absl::Span<const filter::ManifoldCall> calls, SocketStream* to);
-/// nullopt: the other end is closed, or these are no calls that ManifoldFilterAtPoints and ProjectPatches
-/// take.
+/// After its operation. nullopt: the other end is closed, or these are no calls that ManifoldFilterAtPoints
+/// and ProjectPatches take.
 std::optional<ReceivedCalls> ReceiveCalls(SocketStream* from);
+
+struct ReceivedFit {
+  filter::FitCall call;  // without lists
+  std::vector<int32_t> firsts, targets;
+  std::vector<float> samples;
+
+  filter::FitCall View() const;
+};
+
+bool CanSend(const filter::FitCall& call);
+bool SendFit(const filter::FitCall& call, SocketStream* to);
+/// After its operation. nullopt: the other end is closed, or this is no call of a ModelGrid. Places of
+/// samples are set to their pixels.
+std::optional<ReceivedFit> ReceiveFit(SocketStream* from);
 
 /// What is sent before a result: whether there is one, or the device leaves the call to the caller's
 /// processor.
@@ -49,5 +68,7 @@ bool SendResults(const std::vector<filter::ManifoldResult>& results, SocketStrea
 /// The results of `calls`.
 std::optional<std::vector<filter::ManifoldResult>> ReceiveResults(
     absl::Span<const filter::ManifoldCall> calls, SocketStream* from);
+bool SendResult(const filter::FitResult& result, SocketStream* to);
+std::optional<filter::FitResult> ReceiveResult(const filter::FitCall& call, SocketStream* from);
 
 }  // namespace lumifold::device

@@ -69,19 +69,27 @@ class DeviceLink final : public filter::ManifoldDevice {
   std::string OtherBits() const override { return other_bits_; }
   std::optional<std::vector<filter::ManifoldResult>> Filter(
       absl::Span<const filter::ManifoldCall> calls) override {
+    return Ask<absl::Span<const filter::ManifoldCall>>(calls, SendCalls, ReceiveResults);
+  }
+  std::optional<filter::FitResult> Fit(const filter::FitCall& call) override {
+    return Ask<const filter::FitCall&>(call, SendFit, ReceiveResult);
+  }
+
+ private:
+  template <typename Parameter, typename Result>
+  std::optional<Result> Ask(Parameter call, bool (*send)(Parameter, SocketStream*),
+                            std::optional<Result> (*receive)(Parameter, SocketStream*)) {
     absl::MutexLock lock(&mutex_);
-    if (has_failed_ || !CanSend(calls)) return std::nullopt;
-    std::optional<std::vector<filter::ManifoldResult>> results;
-    const std::optional<bool> has_result =
-        SendCalls(calls, &stream_) ? ReceiveHasResult(&stream_) : std::nullopt;
-    if (has_result.value_or(false)) results = ReceiveResults(calls, &stream_);
-    if (results.has_value()) return results;
+    if (has_failed_ || !CanSend(call)) return std::nullopt;
+    std::optional<Result> result;
+    const std::optional<bool> has_result = send(call, &stream_) ? ReceiveHasResult(&stream_) : std::nullopt;
+    if (has_result.value_or(false)) result = receive(call, &stream_);
+    if (result.has_value()) return result;
     has_failed_ = has_result.value_or(true);
     if (has_failed_ || !std::exchange(has_left_, true)) on_trouble_();
     return std::nullopt;
   }
 
- private:
   const rpc::FileHandle connection_;
   const std::string other_bits_;
   absl::Mutex mutex_;
@@ -102,6 +110,7 @@ class OwnDevice final : public filter::ManifoldDevice {
       absl::Span<const filter::ManifoldCall> calls) override {
     return link_->Filter(calls);
   }
+  std::optional<filter::FitResult> Fit(const filter::FitCall& call) override { return link_->Fit(call); }
 
  private:
   const std::unique_ptr<DeviceProcess> process_;

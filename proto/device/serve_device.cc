@@ -75,10 +75,7 @@ class Service {
       connections_.insert(connection.get());
     }
     SocketStream stream(connection.get());
-    bool works = true;
-    while (works) {
-      const std::optional<ReceivedCalls> calls = ReceiveCalls(&stream);
-      works = calls.has_value() && Answer(*calls, &stream);
+    while (Answer(&stream)) {
     }
     absl::MutexLock lock(&mutex_);
     connections_.erase(connection.get());
@@ -108,11 +105,24 @@ class Service {
     return result;
   }
 
-  /// No results: the device leaves the calls; one that fails ends the process.
-  bool Answer(const ReceivedCalls& calls, SocketStream* stream) {
-    const auto results = Watched([&] { return device_->Filter(calls.View()); });
-    return SendHasResult(results.has_value(), stream) &&
-           (!results.has_value() || SendResults(*results, stream));
+  /// Answers the next message. False: it was the last.
+  bool Answer(SocketStream* stream) {
+    const std::optional<Operation> operation = ReceiveOperation(stream);
+    if (!operation.has_value()) return false;
+    if (*operation == Operation::kFit) {
+      const std::optional<ReceivedFit> fit = ReceiveFit(stream);
+      return fit.has_value() && Send(Watched([&] { return device_->Fit(fit->View()); }), SendResult, stream);
+    }
+    const std::optional<ReceivedCalls> calls = ReceiveCalls(stream);
+    return calls.has_value() &&
+           Send(Watched([&] { return device_->Filter(calls->View()); }), SendResults, stream);
+  }
+
+  /// No result: the device leaves the call; one that fails ends the process.
+  template <typename Result>
+  static bool Send(const std::optional<Result>& result, bool (*send)(const Result&, SocketStream*),
+                   SocketStream* stream) {
+    return SendHasResult(result.has_value(), stream) && (!result.has_value() || send(*result, stream));
   }
 
   const absl::Duration time_limit_;

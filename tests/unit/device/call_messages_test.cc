@@ -6,6 +6,7 @@
 #include <array>
 #include <limits>
 #include <optional>
+#include <random>
 #include <thread>
 #include <vector>
 
@@ -15,22 +16,31 @@
 namespace lumifold::device {
 namespace {
 
-/// Calls that went over a socket.
-std::optional<ReceivedCalls> Transfer(const std::vector<filter::ManifoldCall>& calls) {
+/// What receive() makes of a message that went over a socket.
+template <typename Send, typename Receive>
+auto Transfer(const Send& send, const Receive& receive)
+    -> decltype(receive(static_cast<SocketStream*>(nullptr))) {
   std::array<int, 2> ends = {-1, -1};
-  if (socketpair(AF_UNIX, SOCK_STREAM, 0, ends.data()) != 0) return std::nullopt;
+  if (socketpair(AF_UNIX, SOCK_STREAM, 0, ends.data()) != 0) return {};
   rpc::FileHandle from(ends[0]);
   const rpc::FileHandle to(ends[1]);
   std::thread sender([&] {
     SocketStream stream(from.get());
-    (void)SendCalls(calls, &stream);
+    (void)send(&stream);
     from = {};
   });
   SocketStream stream(to.get());
-  std::optional<ReceivedCalls> received = ReceiveCalls(&stream);
+  auto received = receive(&stream);
   shutdown(to.get(), SHUT_RDWR);  // what is refused is not read to its end
   sender.join();
   return received;
+}
+
+std::optional<ReceivedCalls> Transfer(const std::vector<filter::ManifoldCall>& calls) {
+  return Transfer([&](SocketStream* to) { return SendCalls(calls, to); },
+                  [&](SocketStream* from) {
+                    return ReceiveOperation(from) == Operation::kFilter ? ReceiveCalls(from) : std::nullopt;
+                  });
 }
 
 class CallMessages : public testing::Test {
@@ -134,6 +144,85 @@ TEST_F(CallMessages, OfNoValidProjectionAreRefused) {
   radius_ = 1;
   dimensions_ = -5;
   EXPECT_FALSE(IsReceived());
+}
+
+/// Samples of a picture of 4 x 3 pixels: none of the first, two of the last, one of each other.
+class FitMessages : public testing::Test {
+ protected:
+  FitMessages() : samples_(12 * static_cast<size_t>(filter::FitShape{3, 2, 4}.Sample()), 0.5f) {}
+
+  std::optional<ReceivedFit> Received() const {
+    const filter::FitCall call = {shape_, width_, 3, radius_, 0.1f, 4, firsts_, samples_, targets_};
+    return Transfer([&](SocketStream* to) { return SendFit(call, to); },
+                    [&](SocketStream* from) {
+                      return ReceiveOperation(from) == Operation::kFit ? ReceiveFit(from) : std::nullopt;
+                    });
+  }
+
+  filter::FitShape shape_ = {3, 2, 4};
+  int32_t width_ = 4, radius_ = 2;
+  std::vector<int32_t> firsts_ = {0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12};
+  std::vector<float> samples_;
+  std::vector<int32_t> targets_ = {0, 3, 11};
+};
+
+TEST_F(FitMessages, ArriveAsTheyWereWithThePlacesOfSamples) {
+  const std::optional<ReceivedFit> received = Received();
+  ASSERT_TRUE(received.has_value());
+  const filter::FitCall call = received->View();
+  EXPECT_EQ(call.shape, shape_);
+  EXPECT_EQ(call.radius, 2);
+  EXPECT_EQ(call.slope, 4);
+  EXPECT_EQ(call.firsts, absl::MakeConstSpan(firsts_));
+  EXPECT_EQ(call.targets, absl::MakeConstSpan(targets_));
+  const float* const last = call.Sample(12 - 1) + shape_.Sample();
+  EXPECT_EQ(last[-3], 0.5f);
+  EXPECT_EQ(last[-2], 3);
+  EXPECT_EQ(last[-1], 2);
+}
+
+TEST_F(FitMessages, OfNoValidFitAreRefused) {
+  const std::vector<int32_t> firsts = firsts_, targets = targets_;
+  for (const std::vector<int32_t>& wrong : {std::vector<int32_t>{0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 13},
+                                            {1, 1, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12},
+                                            {0, 5, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12},
+                                            {0, -1, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12}}) {
+    firsts_ = wrong;
+    EXPECT_FALSE(Received().has_value());
+  }
+  firsts_ = firsts;
+  for (const std::vector<int32_t>& wrong : {std::vector<int32_t>{3, 0}, {3, 3}, {-1}, {12}}) {
+    targets_ = wrong;
+    EXPECT_FALSE(Received().has_value());
+  }
+  targets_ = targets;
+  for (const filter::FitShape wrong : {filter::FitShape{0, 2, 4}, {3, -2, 4}, {3, 2, 3}, {3, 2, 400}}) {
+    shape_ = wrong;
+    EXPECT_FALSE(Received().has_value());
+  }
+  shape_ = {3, 2, 4};
+  width_ = 0;
+  EXPECT_FALSE(Received().has_value());
+  width_ = 4;
+  radius_ = -1;
+  EXPECT_FALSE(Received().has_value());
+  radius_ = 2;
+  EXPECT_TRUE(Received().has_value());
+}
+
+/// Whatever comes is refused or valid, and kernels stay within what is received.
+TEST_F(FitMessages, OfAnyWordsAreRefusedOrValid) {
+  std::mt19937 random(7);
+  for (int i = 0; i < 300; ++i) {
+    std::vector<uint32_t> words(64);
+    for (uint32_t& word : words) word = static_cast<uint32_t>(random() >> (random() % 32));
+    const auto send = [&](SocketStream* to) { return to->Write(words.data(), 4 * words.size()); };
+    const bool is_fit = i % 2 == 0;
+    const auto receive = [&](SocketStream* from) {
+      return is_fit ? ReceiveFit(from).has_value() : ReceiveCalls(from).has_value();
+    };
+    EXPECT_FALSE(Transfer(send, receive)) << i;  // 64 words hold no call
+  }
 }
 
 }  // namespace

@@ -3,17 +3,19 @@
 #include <algorithm>
 #include <cstddef>
 
+#include "absl/types/span.h"
 #include "filter/image/planes.h"
 
 namespace lumifold::filter {
 
-inline bool AreEqual(const Picture& a, const Picture& b) {
-  for (size_t c = 0; c < 3; ++c) {
+/// Of one size.
+inline bool AreEqual(absl::Span<const Plane> a, absl::Span<const Plane> b) {
+  for (size_t c = 0; c < a.size(); ++c) {
     for (int y = 0; y < a[c].height(); ++y) {
       if (!std::equal(a[c].Row(y), a[c].Row(y) + a[c].width(), b[c].Row(y))) return false;
     }
   }
-  return true;
+  return a.size() == b.size();
 }
 
 }  // namespace lumifold::filter

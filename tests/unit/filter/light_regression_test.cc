@@ -3,10 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <random>
 #include <vector>
 
 #include "tests/support/shuffling_pool.h"
+#include "tests/unit/filter/are_equal.h"
+#include "tests/unit/filter/manifold_oracle.h"
 
 namespace lumifold::filter {
 namespace {
@@ -151,6 +154,21 @@ TEST(LightRegression, GivesTheSameBitsForAnyPool) {
   const Candidate alone = Fit(layer);
   const Candidate shuffled = Fit(layer, &pool);
   EXPECT_EQ(alone.points, shuffled.points);
+}
+
+TEST(LightRegression, EqualsItsOracleInAnyMemoryOfADevice) {
+  Layer layer = TwoSurfaces(1);
+  layer.fragments.light[0][3 * 20] = 1e20f;
+  layer.halves.is_mixed.At(5, 9) = 1;  // with no model beside it
+  layer.geometry[1].At(6, 9) = std::numeric_limits<float>::quiet_NaN();
+  for (int y = 3; y < 9; ++y) layer.halves.is_mixed.At(kEdge + 3, y) = 1;
+  const Candidate here = Fit(layer);
+  for (const bool is_small : {false, true}) {
+    const Candidate oracle = Fit(layer, PoolWithOracle(is_small).get());
+    EXPECT_EQ(here.points, oracle.points);
+    EXPECT_TRUE(AreEqual(here.a, oracle.a));
+    EXPECT_TRUE(AreEqual(here.b, oracle.b));
+  }
 }
 
 }  // namespace

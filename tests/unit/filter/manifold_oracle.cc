@@ -14,6 +14,7 @@
 #include "filter/image/check.h"
 #include "filter/kernels/kernel_constants.h"
 #include "filter/manifold/manifold_constants.h"
+#include "filter/opencl/fit_run.h"
 #include "filter/opencl/kernel_run.h"
 #include "filter/opencl/manifold_run.h"
 
@@ -45,17 +46,18 @@ constexpr ulong kLeastSpread = std::bit_cast<ulong>(filter::kLeastSpread);
 #define DOUBLES 1
 #include "filter/opencl/covariance.cl"
 #include "filter/opencl/projection.cl"
+int FIT_TERMS = 1;
+int FIT_SIGNALS = 1;
+int FIT_TRAITS = 4;
+constexpr int MOST_FIT_ROW = 24;
+#include "filter/opencl/fit.cl"
 
 }  // namespace kernels
 
 class RunInCpp final : public KernelRun {
  public:
-  explicit RunInCpp(const KernelOptions& options, const DeviceMemory& memory = {}) : memory_(memory) {
-    LUMIFOLD_CHECK(options.features <= kernels::MOST_FEATURES && options.planes() <= kernels::MOST_PLANES);
-    kernels::FEATURES = options.features;
-    kernels::CHANNELS = options.channels;
-    kernels::FITS = options.fits ? 1 : 0;
-    kernels::STEP = options.step;
+  explicit RunInCpp(const ProgramOptions& options, const DeviceMemory& memory = {}) : memory_(memory) {
+    std::visit([](const auto& of) { Define(of); }, options);
   }
 
   Buffer Allocate(size_t bytes) override {
@@ -82,6 +84,20 @@ class RunInCpp final : public KernelRun {
   }
 
  private:
+  static void Define(const KernelOptions& options) {
+    LUMIFOLD_CHECK(options.features <= kernels::MOST_FEATURES && options.planes() <= kernels::MOST_PLANES);
+    kernels::FEATURES = options.features;
+    kernels::CHANNELS = options.channels;
+    kernels::FITS = options.fits ? 1 : 0;
+    kernels::STEP = options.step;
+  }
+  static void Define(const FitShape& shape) {
+    LUMIFOLD_CHECK(shape.Row() <= kernels::MOST_FIT_ROW);
+    kernels::FIT_TERMS = shape.terms;
+    kernels::FIT_SIGNALS = shape.signals;
+    kernels::FIT_TRAITS = shape.traits;
+  }
+
   std::byte* MemoryOf(Buffer buffer) { return buffers_[static_cast<size_t>(buffer)].data(); }
 
   template <typename T>
@@ -90,6 +106,8 @@ class RunInCpp final : public KernelRun {
       return reinterpret_cast<T>(MemoryOf(std::get<Buffer>(argument)));
     else if constexpr (std::is_same_v<T, kernels::Grid>)
       return std::bit_cast<kernels::Grid>(std::get<Grid>(argument));
+    else if constexpr (std::is_same_v<T, kernels::FitWindow>)
+      return std::bit_cast<kernels::FitWindow>(std::get<FitWindow>(argument));
     else
       return std::get<T>(argument);
   }
@@ -124,10 +142,29 @@ void RunInCpp::Run(const char* kernel, size_t items, std::initializer_list<Argum
                         LUMIFOLD_CALL(Axis) || LUMIFOLD_CALL(Weigh) || LUMIFOLD_CALL(KeepMass) ||
                         LUMIFOLD_CALL(Splat) || LUMIFOLD_CALL(Moments) || LUMIFOLD_CALL(Links) ||
                         LUMIFOLD_CALL(GuidedRows) || LUMIFOLD_CALL(GuidedColumns) || LUMIFOLD_CALL(Slice) ||
-                        LUMIFOLD_CALL(Project) || LUMIFOLD_CALL(ProbeReals);
+                        LUMIFOLD_CALL(Project) || LUMIFOLD_CALL(ProbeReals) || LUMIFOLD_CALL(FitSums) ||
+                        LUMIFOLD_CALL(FitModels) || LUMIFOLD_CALL(FitValues) || LUMIFOLD_CALL(FitOwn);
 #undef LUMIFOLD_CALL
   LUMIFOLD_CHECK(is_known);
 }
+
+class OracleDevice final : public ManifoldDevice {
+ public:
+  explicit OracleDevice(bool is_small) : is_small_(is_small) {}
+
+  std::string OtherBits() const override { return ""; }
+  std::optional<std::vector<ManifoldResult>> Filter(absl::Span<const ManifoldCall>) override {
+    return std::nullopt;
+  }
+  std::optional<FitResult> Fit(const FitCall& call) override {
+    const DeviceMemory memory = is_small_ ? LeastMemory(call) : DeviceMemory{};
+    RunInCpp run(call.shape, memory);
+    return *RunFit(call, memory, &run);
+  }
+
+ private:
+  const bool is_small_;
+};
 
 }  // namespace
 
@@ -143,12 +180,16 @@ std::vector<ManifoldResult> FilterOracle(absl::Span<const ManifoldCall> calls, c
   return *RunManifolds(calls, memory, &run);
 }
 
+std::unique_ptr<TaskPool> PoolWithOracle(bool is_small) {
+  return WithDevice(MakeTaskPool(1), std::make_shared<OracleDevice>(is_small));
+}
+
 Planes ProjectPatchesOracle(const Planes& color, const PatchBasis& basis) {
   const Grid grid = {
       .width = color[0].width(), .height = color[0].height(), .columns = 0, .rows = 0, .points = 0};
   const size_t row = static_cast<size_t>(grid.width), pixels = row * static_cast<size_t>(grid.height);
   const size_t bytes = pixels * sizeof(float), dimensions = static_cast<size_t>(basis.dimensions);
-  RunInCpp run({});
+  RunInCpp run(KernelOptions{});
   const KernelRun::Buffer colors = run.Allocate(color.size() * bytes);
   const KernelRun::Buffer taps = run.Allocate(basis.kernels.size() * sizeof(float));
   const KernelRun::Buffer result = run.Allocate(dimensions * bytes);

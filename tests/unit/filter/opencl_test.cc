@@ -23,15 +23,6 @@
 namespace lumifold::filter {
 namespace {
 
-bool AreSame(const Planes& a, const Planes& b) {
-  for (size_t c = 0; c < a.size(); ++c) {
-    for (int y = 0; y < a[c].height(); ++y) {
-      if (!std::equal(a[c].Row(y), a[c].Row(y) + a[c].width(), b[c].Row(y))) return false;
-    }
-  }
-  return a.size() == b.size();
-}
-
 /// A pool with the first device that gives this processor's bits: a driver that plays a device on a processor
 /// will do.
 class OpenCl : public testing::Test {
@@ -65,7 +56,7 @@ class OpenCl : public testing::Test {
     };
     const ManifoldResult here = run(nullptr);
     const ManifoldResult there = run(pool_.get());
-    EXPECT_TRUE(AreSame(here.filtered, there.filtered));
+    EXPECT_TRUE(AreEqual(here.filtered, there.filtered));
     EXPECT_EQ(here.points.values, there.points.values);
     EXPECT_EQ(here.points.weights, there.points.weights);
   }
@@ -129,7 +120,7 @@ TEST_F(OpenCl, GivesTheBitsOfThisProcessorForGuidesWhosePatchesItProjects) {
       const auto run = [&](TaskPool* pool) { return FilterGuided(filterings, {.height = 3}, 16, pool); };
       const std::vector<ManifoldResult> here = run(nullptr), there = run(pool_.get());
       for (size_t i = 0; i < 2; ++i) {
-        EXPECT_TRUE(AreSame(here[i].filtered, there[i].filtered));
+        EXPECT_TRUE(AreEqual(here[i].filtered, there[i].filtered));
         EXPECT_EQ(here[i].points.values, there[i].points.values);
       }
     }
@@ -178,7 +169,7 @@ class LostDevice final : public Device {
  public:
   explicit LostDevice(int* calls) : calls_(*calls) {}
   DeviceMemory Memory() const override { return {}; }
-  absl::StatusOr<std::unique_ptr<KernelRun>> Begin(const KernelOptions&) override {
+  absl::StatusOr<std::unique_ptr<KernelRun>> Begin(const ProgramOptions&) override {
     ++calls_;
     return absl::ResourceExhaustedError("out of memory");
   }
@@ -199,7 +190,7 @@ TEST(FilterDevice, IsLeftForTheProcessorWithOneWarningWhenItFails) {
     return ManifoldFilter(input.signals, input.features, input.mask.view(), {}, with);
   };
   const Planes expected = run(nullptr);
-  for (int i = 0; i < 3; ++i) EXPECT_TRUE(AreSame(run(pool.get()), expected));
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(AreEqual(run(pool.get()), expected));
   EXPECT_EQ(calls, 1);
   EXPECT_EQ(warnings, std::vector<std::string>{"out of memory"});
 }

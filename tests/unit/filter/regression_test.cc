@@ -12,7 +12,9 @@
 
 #include "filter/denoise/frame_halves.h"
 #include "filter/layers/mixed_pixels.h"
+#include "tests/unit/filter/are_equal.h"
 #include "tests/unit/filter/edge_films.h"
+#include "tests/unit/filter/manifold_oracle.h"
 #include "tests/unit/filter/synthetic_film.h"
 
 namespace lumifold::filter {
@@ -95,6 +97,23 @@ TEST(EdgeRegression, TakesOutABiasOfEdgesAndLeavesTheRest) {
     for (const int side : {0, 1}) {
       const float truth = kLight[side] * kAlbedo[side];
       EXPECT_NEAR(fit[0].At(kEdgeColumn + 2 * (2 * side - 1), 9), truth, 1e-5f);
+    }
+  }
+}
+
+TEST(EdgeRegression, EqualsItsOracleInAnyMemoryOfADevice) {
+  const LayeredImage film = EdgeFilm();
+  const LayeredImage edges = EdgeSet();
+  const Frame frame(film, &edges);
+  const auto fit = [&](TaskPool* pool) {
+    return FitMixedPixels(frame, MixedPixelsOf(frame, 0.5f), ChangeTo(PictureWithEdge(1.4f), frame), {},
+                          kMixedKnee, {}, pool);
+  };
+  const std::vector<FrameChange> here = fit(nullptr);
+  for (const bool is_small : {false, true}) {
+    const std::vector<FrameChange> oracle = fit(PoolWithOracle(is_small).get());
+    for (size_t i = 0; i < here.size(); ++i) {
+      for (const size_t h : {0, 1}) EXPECT_TRUE(AreEqual(here[i][h], oracle[i][h]));
     }
   }
 }

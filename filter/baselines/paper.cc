@@ -102,8 +102,8 @@ FilteredLayer Filtered(const Product& product, const Sigmas& sigmas, const SubPi
   ManifoldParams params;
   params.sigma_s = sigmas.reach_px;
   params.height = TreeHeight(sigmas.reach_px, kTheirRange, /*has_patches=*/true);
-  const GuidedFiltering filtering = {mean, guide, 1, halves.weight.view(),
-                                     sub_pixels != nullptr ? &sub_pixels->points : nullptr};
+  const GuidedFiltering filtering = {
+      mean, nullptr, guide, 1, halves.weight.view(), sub_pixels != nullptr ? &sub_pixels->points : nullptr};
   ManifoldResult result = std::move(FilterGuided({&filtering, 1}, params, params.sigma_s, pool).front());
   RestoreUnits(product, halves.scale, pool, &result.filtered);
   if (sub_pixels != nullptr) AverageSubPixels(*sub_pixels, result.points, halves.scale, &result.filtered);

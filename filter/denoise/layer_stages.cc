@@ -13,21 +13,6 @@
 namespace lumifold::filter {
 namespace {
 
-Planes Difference(const Planes& x, const Planes& y, TaskPool* pool) {
-  Planes difference = MakeUninitializedPlanes(x.size(), x[0].width(), x[0].height());
-  ForEachBand(pool, x[0].height(), [&](int, int y0, int y1) {
-    for (size_t c = 0; c < x.size(); ++c) {
-      for (int row = y0; row < y1; ++row) {
-        const float* __restrict from = x[c].Row(row);
-        const float* __restrict less = y[c].Row(row);
-        float* __restrict out = difference[c].Row(row);
-        for (int i = 0; i < x[c].width(); ++i) out[i] = from[i] - less[i];
-      }
-    }
-  });
-  return difference;
-}
-
 /// One half of a layer, for which index 0 stands for A and 1 for B.
 struct Half {
   Planes planes;              // 3
@@ -67,32 +52,25 @@ void SetMixedPixels(const LayerFragments& fragments, size_t h, Half* half) {
   }
 }
 
-/// What is filtered of half h: all of it, or what a base leaves of it.
-struct HalfInput {
-  Planes rest;  // of the base; empty: there is none
-  SlicePoints points;
-};
-
-HalfInput InputOf(const LayerState& state, size_t h, const Candidate* base) {
-  HalfInput input;
-  if (base != nullptr) input.rest = Difference(HalfOf(state.halves, h), HalfOf(*base, h), state.pool);
+/// The points of half h that are filtered: all of their light, or what a base leaves of it.
+SlicePoints InputOf(const LayerState& state, size_t h, const Candidate* base) {
   std::vector<float> light = state.fragments.light[h];
   for (size_t i = 0; base != nullptr && i < light.size(); ++i) light[i] -= base->points[h][i];
-  input.points = PointsOf(state.fragments, state.settings.mixed_range, h, std::move(light));
-  return input;
+  return PointsOf(state.fragments, state.settings.mixed_range, h, std::move(light));
 }
 
-GuidedFiltering FilteringOf(const LayerState& state, size_t h, const HalfInput& input,
-                            const JointGuides& guides, float scale) {
-  return {input.rest.empty() ? HalfOf(state.halves, h) : input.rest, h == 0 ? guides.b : guides.a, scale,
-          WeightOf(state.halves, h).view(), state.fragments.IsEmpty() ? nullptr : &input.points};
+GuidedFiltering FilteringOf(const LayerState& state, size_t h, const SlicePoints& points,
+                            const Candidate* base, const JointGuides& guides, float scale) {
+  return {HalfOf(state.halves, h),          base != nullptr ? &HalfOf(*base, h) : nullptr,
+          h == 0 ? guides.b : guides.a,     scale,
+          WeightOf(state.halves, h).view(), state.fragments.IsEmpty() ? nullptr : &points};
 }
 
 /// The half of a candidate. Adds the base: twicing.
-Half HalfFrom(const LayerState& state, size_t h, const HalfInput& input, const Candidate* base,
+Half HalfFrom(const LayerState& state, size_t h, const SlicePoints& points, const Candidate* base,
               ManifoldResult result) {
   const LayerFragments& fragments = state.fragments;
-  if (!fragments.IsEmpty()) KeepLostPoints(input.points, &result.points);
+  if (!fragments.IsEmpty()) KeepLostPoints(points, &result.points);
   Half half{std::move(result.filtered), std::move(result.points.values)};
   if (base != nullptr) {
     AddPlanes(HalfOf(*base, h), state.pool, absl::MakeSpan(half.planes));
@@ -136,10 +114,11 @@ void RunFireflies(LayerState* state) {
 std::vector<Candidate> FilterHalves(const LayerState& state, const JointGuides& guides,
                                     const std::vector<float>& scales, const ManifoldParams& manifolds,
                                     const Candidate* base) {
-  const std::array<HalfInput, 2> inputs = {InputOf(state, 0, base), InputOf(state, 1, base)};
+  const std::array<SlicePoints, 2> inputs = {InputOf(state, 0, base), InputOf(state, 1, base)};
   std::vector<GuidedFiltering> filterings;
   for (size_t h = 0; h < 2; ++h) {
-    for (const float scale : scales) filterings.push_back(FilteringOf(state, h, inputs[h], guides, scale));
+    for (const float scale : scales)
+      filterings.push_back(FilteringOf(state, h, inputs[h], base, guides, scale));
   }
   std::vector<ManifoldResult> results =
       FilterGuided(filterings, manifolds, state.settings.reach_px, state.pool);
@@ -152,6 +131,13 @@ std::vector<Candidate> FilterHalves(const LayerState& state, const JointGuides& 
 
 void RunFirstFiltering(LayerState* state) {
   const LayerSettings& settings = state->settings;
+  const Halves& halves = state->halves;
+  PlaneViews kept = ViewsOf(state->geometry);
+  for (const Planes* half : {&halves.a, &halves.b}) {
+    for (const Plane& plane : *half) kept.push_back(plane.view());
+  }
+  for (const Plane* weight : {&halves.weight_a, &halves.weight_b}) kept.push_back(weight->view());
+  state->kept = std::make_unique<KeptPlanes>(std::move(kept), state->pool);
   Guide guide = MakeGuide(state->halves, state->halves.a, state->halves.b, settings.knee, state->pool);
   state->guide_noise = NoiseOfHalf(state->halves, guide, state->pool);
   const JointGuides guides =
@@ -272,6 +258,7 @@ void RunNoisyChoice(LayerState* state) {
   AddEnergy(*state, &state->result);
   Candidate noisy = Noisy(*state);
   AddEnergy(*state, &noisy);
+  state->kept = nullptr;
   if (!state->removed[0].empty()) {
     AddPlanes(state->removed[0], state->pool, absl::MakeSpan(state->halves.a));
     AddPlanes(state->removed[1], state->pool, absl::MakeSpan(state->halves.b));
@@ -343,7 +330,8 @@ LayerState Open(const LayerSettings& settings, const Product& product, Halves ha
                    .candidates = {},
                    .firefly_energy = {},
                    .result = {},
-                   .returned = {}};
+                   .returned = {},
+                   .kept = nullptr};
   UseFragments(&state.fragments, &state.halves);
   return state;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <memory>
 #include <vector>
 
 #include "filter/denoise/stage.h"
@@ -9,6 +10,7 @@
 #include "filter/layers/halves.h"
 #include "filter/layers/product.h"
 #include "filter/layers/recombination.h"
+#include "filter/manifold/manifold_device.h"
 #include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {
@@ -28,7 +30,8 @@ struct LayerState {
   std::vector<Candidate> candidates;
   std::array<Planes, 2> firefly_energy;  // of each half, 3: what was removed, spread; empty: nothing
   Candidate result;
-  Planes returned;  // FilteredLayer::returned, in the halves' unit
+  Planes returned;                   // FilteredLayer::returned, in the halves' unit
+  std::unique_ptr<KeptPlanes> kept;  // halves, weights and geometry, from filtering to filtering
 };
 
 struct LayerStage {

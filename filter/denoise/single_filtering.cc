@@ -12,7 +12,7 @@ ManifoldResult FilterSingle(const Halves& halves, const Planes& mean, const Plan
   const PatchBasis basis = FitPatchBasis(mean, halves.weight.view(), settings.patches, pool);
   const JointGuide guide =
       MakeJointGuide(Clone(mean), basis, params.range_factor * PositiveNoise(halves, pool), geometry);
-  const GuidedFiltering filtering = {mean, guide, 1, halves.weight.view(), points};
+  const GuidedFiltering filtering = {mean, nullptr, guide, 1, halves.weight.view(), points};
   return std::move(FilterGuided({&filtering, 1}, params.manifolds, params.manifolds.sigma_s, pool).front());
 }
 

@@ -4,11 +4,23 @@
 #include <optional>
 #include <utility>
 
+#include "filter/image/portable_math.h"
 #include "filter/layers/features.h"
 #include "filter/manifold/manifold_device.h"
 
 namespace lumifold::filter {
 namespace {
+
+PatchProjection ProjectionOf(const GuidedFiltering& filtering) {
+  const JointGuide& guide = filtering.guide;
+  PatchProjection patches = {ViewsOf(guide.color), guide.basis.radius, guide.basis.dimensions,
+                             guide.basis.kernels, filtering.scale};
+  if (guide.of.color == nullptr) return patches;
+  patches.color = ViewsOf(*guide.of.color);  // which other calls have, too
+  patches.inverse_knee = 1.0f / guide.of.knee;
+  patches.shift = Asinh(guide.of.origin * patches.inverse_knee);
+  return patches;
+}
 
 /// nullopt: the processor filters.
 std::optional<std::vector<ManifoldResult>> FilterOnDevice(absl::Span<const GuidedFiltering> filterings,
@@ -18,16 +30,11 @@ std::optional<std::vector<ManifoldResult>> FilterOnDevice(absl::Span<const Guide
   if (device == nullptr) return std::nullopt;
   std::vector<ManifoldCall> calls;
   for (const GuidedFiltering& filtering : filterings) {
-    const JointGuide& guide = filtering.guide;
     if (filtering.mask.width() == 0 || filtering.mask.height() == 0) return std::nullopt;
     calls.push_back({ViewsOf(filtering.signals),
-                     {ViewsOf(guide.color), guide.basis.radius, guide.basis.dimensions, guide.basis.kernels,
-                      filtering.scale},
-                     ViewsOf(guide.geometry),
-                     filtering.mask,
-                     params,
-                     reach,
-                     filtering.points});
+                     filtering.base != nullptr ? ViewsOf(*filtering.base) : PlaneViews{},
+                     ProjectionOf(filtering), ViewsOf(filtering.guide.geometry), filtering.mask, params,
+                     reach, filtering.points});
   }
   return device->Filter(calls);
 }
@@ -43,8 +50,11 @@ void ScalePatches(float by, size_t geometry, TaskPool* pool, Planes* features) {
 }  // namespace
 
 Guide MakeGuide(const Halves& halves, const Planes& a, const Planes& b, float knee, TaskPool* pool) {
-  return {Stabilise(a, knee * halves.level, halves.level, pool),
-          Stabilise(b, knee * halves.level, halves.level, pool)};
+  const float level = halves.level;
+  return {Stabilise(a, knee * level, level, pool),
+          Stabilise(b, knee * level, level, pool),
+          {&a, knee * level, level},
+          {&b, knee * level, level}};
 }
 
 float NoiseOfHalf(const Halves& halves, const Guide& guide, TaskPool* pool) {
@@ -64,8 +74,11 @@ JointGuides MakeJointGuides(Guide guide, const Halves& halves, const PatchParams
                             absl::Span<const Plane> geometry, TaskPool* pool) {
   const Planes mean = Combine(guide.a, guide.b, halves.share_a.view(), pool);
   const PatchBasis basis = FitPatchBasis(mean, halves.weight.view(), patches, pool);
-  return {MakeJointGuide(std::move(guide.a), basis, sigma_q, geometry),
-          MakeJointGuide(std::move(guide.b), basis, sigma_q, geometry)};
+  JointGuides guides = {MakeJointGuide(std::move(guide.a), basis, sigma_q, geometry),
+                        MakeJointGuide(std::move(guide.b), basis, sigma_q, geometry)};
+  guides.a.of = guide.of_a;
+  guides.b.of = guide.of_b;
+  return guides;
 }
 
 Planes JointFeatures(const JointGuide& guide, TaskPool* pool) {
@@ -89,8 +102,10 @@ std::vector<ManifoldResult> FilterGuided(absl::Span<const GuidedFiltering> filte
     }
     scale = filtering.scale;
     if (scale != 1) ScalePatches(scale, guide->geometry.size(), pool, &features);
-    results.push_back(ManifoldFilterAtPoints(filtering.signals, features, filtering.mask, params, reach,
-                                             filtering.points, pool));
+    Planes rest;
+    if (filtering.base != nullptr) rest = Difference(filtering.signals, *filtering.base, pool);
+    results.push_back(ManifoldFilterAtPoints(rest.empty() ? filtering.signals : rest, features,
+                                             filtering.mask, params, reach, filtering.points, pool));
   }
   return results;
 }

@@ -11,13 +11,22 @@
 
 namespace lumifold::filter {
 
+/// What planes are made of by Stabilise(); it stays the caller's.
+struct Unstabilised {
+  const Planes* color = nullptr;  // null: there is nothing
+  float knee = 1;
+  float origin = 0;
+};
+
 /// Both halves of a picture as guides: with stabilised variance (Stabilise).
 struct Guide {
   Planes a;
   Planes b;
+  Unstabilised of_a;
+  Unstabilised of_b;
 };
 
-/// `knee`: over the layer's mean.
+/// `knee`: over the layer's mean. The guide refers to `a` and `b`.
 Guide MakeGuide(const Halves& halves, const Planes& a, const Planes& b, float knee, TaskPool* pool);
 
 /// RMS noise of one half of the guide; noise-free layers count as having a little, so that no range is 0.
@@ -29,6 +38,7 @@ struct JointGuide {
   Planes color;
   PatchBasis basis;  // its kernels over sigma_q
   absl::Span<const Plane> geometry;
+  Unstabilised of = {};  // what `color` is made of
 };
 JointGuide MakeJointGuide(Planes color, const PatchBasis& basis, float sigma_q,
                           absl::Span<const Plane> geometry);
@@ -50,6 +60,7 @@ JointGuides MakeJointGuides(Guide guide, const Halves& halves, const PatchParams
 /// A filtering of a picture by the features of a guide.
 struct GuidedFiltering {
   const Planes& signals;
+  const Planes* base;  // that is subtracted from them, but not from those of points; null: nothing is
   const JointGuide& guide;
   float scale;  // that the coordinates of patches are multiplied by
   ConstFloatView mask;

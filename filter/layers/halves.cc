@@ -151,6 +151,21 @@ Planes Combine(const Planes& a, const Planes& b, ConstFloatView share_a, TaskPoo
   return combined;
 }
 
+Planes Difference(const Planes& x, const Planes& y, TaskPool* pool) {
+  Planes difference = MakeUninitializedPlanes(x.size(), x[0].width(), x[0].height());
+  ForEachBand(pool, x[0].height(), [&](int, int y0, int y1) {
+    for (size_t c = 0; c < x.size(); ++c) {
+      for (int row = y0; row < y1; ++row) {
+        const float* __restrict from = x[c].Row(row);
+        const float* __restrict less = y[c].Row(row);
+        float* __restrict out = difference[c].Row(row);
+        for (int i = 0; i < x[c].width(); ++i) out[i] = from[i] - less[i];
+      }
+    }
+  });
+  return difference;
+}
+
 float NoiseLevel(const Halves& halves, const Planes& a, const Planes& b, TaskPool* pool) {
   const double variance = halves.has_noise_estimate ? HalfDifferenceVariance(halves, a, b, pool)
                                                     : SecondDifferenceVariance(halves, a, pool);

@@ -57,6 +57,9 @@ Plane BothHalvesMask(const Halves& halves);
 /// X = share_a * A + (1 - share_a) * B, plane by plane.
 Planes Combine(const Planes& a, const Planes& b, ConstFloatView share_a, TaskPool* pool);
 
+/// x - y, plane by plane.
+Planes Difference(const Planes& x, const Planes& y, TaskPool* pool);
+
 /// RMS noise of X over all channels and the pixels where both halves are known. Where none is, an estimate
 /// from second differences along rows, which edges and texture make too large.
 float NoiseLevel(const Halves& halves, const Planes& a, const Planes& b, TaskPool* pool);

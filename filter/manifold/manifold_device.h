@@ -24,11 +24,14 @@ struct PatchProjection {
   int dimensions = 0;  // 0: there are none
   absl::Span<const float> taps;
   float scale = 1;  // that the coordinates are multiplied by
+  /// Asinh(color * inverse_knee) - shift is projected, as StabiliseRow() has it; 0: the colours as they are.
+  float inverse_knee = 0, shift = 0;
 };
 
 /// What ManifoldFilterAtPoints takes. The picture has pixels, and the rest is as it asks for.
 struct ManifoldCall {
   PlaneViews signals;
+  PlaneViews bases;         // that are subtracted from the signals of pixels; none: nothing is
   PatchProjection patches;  // the first features
   PlaneViews features;      // the others
   ConstFloatView mask;
@@ -53,10 +56,27 @@ class ManifoldDevice {
   /// to the device once.
   virtual std::optional<std::vector<ManifoldResult>> Filter(absl::Span<const ManifoldCall> calls) = 0;
   virtual std::optional<FitResult> Fit(const FitCall& call) = 0;
+
+  /// These planes stay where and as they are until Forget(): calls may send them once.
+  virtual void Keep(absl::Span<const ConstFloatView> planes) = 0;
+  virtual void Forget(absl::Span<const ConstFloatView> planes) = 0;
 };
 
 /// `pool` with a device; `device` may be null.
 std::unique_ptr<TaskPool> WithDevice(std::unique_ptr<TaskPool> pool, std::shared_ptr<ManifoldDevice> device);
+/// Planes that neither change nor move before this object ends, for the device of the pool, if it has one.
+class KeptPlanes {
+ public:
+  KeptPlanes(PlaneViews planes, TaskPool* pool);
+  KeptPlanes(const KeptPlanes&) = delete;
+  KeptPlanes& operator=(const KeptPlanes&) = delete;
+  ~KeptPlanes();
+
+ private:
+  const PlaneViews planes_;
+  ManifoldDevice* const device_;
+};
+
 /// The device of a pool that WithDevice() has made; null for another, and for null.
 ManifoldDevice* DeviceOf(TaskPool* pool);
 

@@ -9,7 +9,7 @@ namespace {
 std::map<const float*, int> UsesOf(absl::Span<const ManifoldCall> calls) {
   std::map<const float*, int> uses;
   for (const ManifoldCall& call : calls) {
-    for (const PlaneViews* views : {&call.signals, &call.patches.color, &call.features}) {
+    for (const PlaneViews* views : {&call.signals, &call.bases, &call.patches.color, &call.features}) {
       for (const ConstFloatView& view : *views) ++uses[view.Row(0)];
     }
     ++uses[call.mask.Row(0)];

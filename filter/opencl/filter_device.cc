@@ -37,6 +37,8 @@ class FilterDevice final : public ManifoldDevice {
     return Do(calls, KernelsOf(calls.front()), RunManifolds);
   }
   std::optional<FitResult> Fit(const FitCall& call) override { return Do(call, call.shape, RunFit); }
+  void Keep(absl::Span<const ConstFloatView>) override {}
+  void Forget(absl::Span<const ConstFloatView>) override {}
 
  private:
   /// Work by kernels of a program in the memory that can be had.

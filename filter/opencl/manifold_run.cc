@@ -139,6 +139,9 @@ void ManifoldRun::ProjectPatches() {
   const Buffer color = Floats(patches.color.size() * sizes_.pixels);
   for (size_t c = 0; c < patches.color.size(); ++c)
     from_.Put(patches.color[c], color, c * sizes_.pixels * sizeof(float));
+  if (patches.inverse_knee != 0)
+    run_.Run("Stabilise", patches.color.size() * sizes_.pixels,
+             {Int(patches.color.size() * sizes_.pixels), patches.inverse_knee, patches.shift, color});
   const Buffer taps = Upload(patches.taps);
   run_.Run("Project", static_cast<size_t>(patches.dimensions) * sizes_.pixels,
            {sizes_.grid, Int(patches.color.size()), patches.dimensions, patches.radius, patches.scale, color,
@@ -169,6 +172,13 @@ void ManifoldRun::UploadSignals() {
     PutPoints(c, signals_,
               [&](size_t i) { return Points().signals.empty() ? 0.0f : Points().signals[i * channels + c]; });
   }
+  if (call_.bases.empty()) return;
+  const Buffer base = Floats(sizes_.pixels);
+  for (size_t c = 0; c < channels; ++c) {
+    from_.Put(call_.bases[c], base, 0);
+    run_.Run("Subtract", sizes_.pixels, {sizes_.grid, Int(c), base, signals_});
+  }
+  run_.Release(base);
 }
 
 void ManifoldRun::FindAxes(int32_t count, int32_t first, int32_t cluster) {

@@ -33,6 +33,7 @@ ManifoldSizes::ManifoldSizes(const ManifoldCall& call)
   sites = pixels + static_cast<uint64_t>(grid.points);
   cells = static_cast<uint64_t>(grid.columns) * static_cast<uint64_t>(grid.rows);
   if (call.patches.dimensions > 0) patches = call.patches.color.size() * pixels + call.patches.taps.size();
+  if (!call.bases.empty()) base = pixels;
 }
 
 DeviceMemory NeedOf(const MemoryPlan& plan, const ManifoldSizes& sizes) {
@@ -55,7 +56,7 @@ DeviceMemory NeedOf(const MemoryPlan& plan, const ManifoldSizes& sizes) {
   const DeviceMemory rest = Together(
       {is_whole ? 0 : all_features, 4 * points, sizes.sites, eta, weights, channels * sizes.sites,
        sizes.sites, manifolds * sizes.cells * planes, manifolds * sizes.cells, manifolds * sizes.cells,
-       (is_whole ? channels : planes) * sizes.sites, axes, sizes.cells + 1, points});
+       (is_whole ? channels : planes) * sizes.sites, axes, sizes.cells + 1, points, sizes.base});
   return {std::max({projection.whole, tree.whole, rest.whole}),
           std::max({projection.largest, tree.largest, rest.largest})};
 }

@@ -15,6 +15,7 @@ struct ManifoldSizes {
   Grid grid = {};
   uint64_t pixels = 0, sites = 0, cells = 0;
   uint64_t patches = 0;  // floats that their projection takes
+  uint64_t base = 0;     // and what is subtracted from a signal
   int32_t levels = 0, manifolds = 0;
 };
 

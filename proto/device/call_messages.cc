@@ -24,6 +24,9 @@ constexpr int32_t kMostSide = 1 << 16;
 constexpr int64_t kMostPixels = int64_t{1} << 27;
 constexpr uint32_t kMostPlanes = 64;
 constexpr uint32_t kMostCalls = 16;
+constexpr uint32_t kMostKept = 256;
+constexpr uint64_t kMostKeptFloats = uint64_t{1} << 27;
+constexpr uint32_t kIsThere = uint32_t{1} << 31;  // beside the number of a plane
 constexpr uint32_t kMostPoints = 1U << 27;
 constexpr int32_t kMostRadius = 64;
 constexpr float kMostReach = 1 << 16;
@@ -37,8 +40,11 @@ struct ParamsHeader {
 struct Header {
   int32_t width, height;
   uint32_t planes, calls;  // planes that differ
-  uint32_t signals, colors, features;
+  uint32_t forgotten;      // planes
+  uint32_t points;         // that differ
+  uint32_t signals, bases, colors, features;
   int32_t radius, dimensions;
+  float inverse_knee, shift;
   ParamsHeader params;
 };
 struct FitHeader {
@@ -47,11 +53,14 @@ struct FitHeader {
   float falloff, slope;
   uint32_t samples, targets;
 };
+struct PointsHeader {
+  uint32_t count, own_features, has_signals;
+  uint32_t is_placed;  // as the first points of the message: they have the same pixels and features
+  float pixel_divisor;
+};
 struct PartHeader {
   float scale;
-  uint32_t has_points, has_signals;
-  uint32_t count, own_features;
-  float pixel_divisor;
+  uint32_t points;  // which of the message, from 1; 0: none
 };
 
 bool IsSize(int32_t width, int32_t height) {
@@ -62,7 +71,13 @@ bool IsCount(uint32_t planes) { return planes >= 1 && planes <= kMostPlanes; }
 bool IsPositive(float value, float most) { return value > 0 && value <= most; }
 
 /// Planes of one call.
-uint32_t PlanesOf(const Header& header) { return header.signals + header.colors + header.features + 1; }
+uint32_t PlanesOf(const Header& header) {
+  return header.signals + header.bases + header.colors + header.features + 1;
+}
+
+uint64_t FloatsOf(const ConstFloatView& plane) {
+  return static_cast<uint64_t>(plane.width()) * static_cast<uint64_t>(plane.height());
+}
 
 bool HasValidPatches(const Header& header) {
   if (header.dimensions == 0) return header.colors <= kMostPlanes && header.features >= 1;
@@ -81,14 +96,19 @@ bool IsValid(const ParamsHeader& params) {
 bool IsValid(const Header& header) {
   if (!IsSize(header.width, header.height) || !IsCount(header.signals) || header.features > kMostPlanes)
     return false;
-  if (header.calls < 1 || header.calls > kMostCalls) return false;
+  if (header.calls < 1 || header.calls > kMostCalls || header.forgotten > kMostKept) return false;
+  if (header.points > header.calls) return false;
+  if (header.bases != 0 && header.bases != header.signals) return false;
+  if (!std::isfinite(header.inverse_knee) || !std::isfinite(header.shift)) return false;
   if (!HasValidPatches(header) || header.planes > header.calls * PlanesOf(header)) return false;
   return IsValid(header.params) && (header.params.is_first_order == 0 || header.signals == 3);
 }
 
 bool IsValid(const PartHeader& part, const Header& header) {
-  if (!std::isfinite(part.scale)) return false;
-  if (part.has_points == 0) return true;
+  return std::isfinite(part.scale) && part.points <= header.points;
+}
+
+bool IsValid(const PointsHeader& part, const Header& header) {
   return part.own_features <= static_cast<uint32_t>(header.dimensions) + header.features &&
          part.count <= kMostPoints / kMostPlanes && std::isfinite(part.pixel_divisor);
 }
@@ -164,39 +184,48 @@ bool ReceivePlanes(SocketStream* from, Planes* planes) {
 /// All planes of a call, in the order of ReceivedCalls::Part::planes.
 filter::PlaneViews PlanesOf(const ManifoldCall& call) {
   filter::PlaneViews planes = call.signals;
+  planes.insert(planes.end(), call.bases.begin(), call.bases.end());
   planes.insert(planes.end(), call.patches.color.begin(), call.patches.color.end());
   planes.insert(planes.end(), call.features.begin(), call.features.end());
   planes.push_back(call.mask);
   return planes;
 }
 
-/// The planes of calls, each once, and their numbers; the first pixel tells a plane from others.
-struct PlaneTable {
-  explicit PlaneTable(absl::Span<const ManifoldCall> calls) {
+/// The planes of calls, each once, and their numbers; the first pixel tells a plane from others. And the points.
+struct CallTable {
+  explicit CallTable(absl::Span<const ManifoldCall> calls) {
     for (const ManifoldCall& call : calls) {
       for (const ConstFloatView& plane : PlanesOf(call)) {
         if (numbers.emplace(plane.Row(0), static_cast<uint32_t>(planes.size())).second)
           planes.push_back(plane);
       }
+      if (call.points != nullptr && std::find(points.begin(), points.end(), call.points) == points.end())
+        points.push_back(call.points);
     }
   }
 
   filter::PlaneViews planes;
   std::map<const float*, uint32_t> numbers;
+  std::vector<const SlicePoints*> points;
 };
 
-Header HeaderOf(absl::Span<const ManifoldCall> calls, const PlaneTable& table) {
+Header HeaderOf(absl::Span<const ManifoldCall> calls, const CallTable& table) {
   const ManifoldCall& call = calls.front();
   const filter::ManifoldParams& params = call.params;
   return {.width = call.mask.width(),
           .height = call.mask.height(),
           .planes = static_cast<uint32_t>(table.planes.size()),
           .calls = static_cast<uint32_t>(calls.size()),
+          .forgotten = 0,
+          .points = static_cast<uint32_t>(table.points.size()),
           .signals = static_cast<uint32_t>(call.signals.size()),
+          .bases = static_cast<uint32_t>(call.bases.size()),
           .colors = static_cast<uint32_t>(call.patches.color.size()),
           .features = static_cast<uint32_t>(call.features.size()),
           .radius = call.patches.radius,
           .dimensions = call.patches.dimensions,
+          .inverse_knee = call.patches.inverse_knee,
+          .shift = call.patches.shift,
           .params = {.sigma_s = params.sigma_s,
                      .slope_ridge = params.slope_ridge,
                      .reach = call.reach,
@@ -207,43 +236,60 @@ Header HeaderOf(absl::Span<const ManifoldCall> calls, const PlaneTable& table) {
                      .is_first_order = params.is_first_order ? 1U : 0U}};
 }
 
-PartHeader PartOf(const ManifoldCall& call) {
-  PartHeader part = {};
-  part.scale = call.patches.scale;
-  if (call.points == nullptr) return part;
-  part.has_points = 1;
-  part.has_signals = call.points->signals.empty() ? 0U : 1U;
-  part.count = static_cast<uint32_t>(call.points->pixels.size());
-  part.own_features = static_cast<uint32_t>(call.points->own_features);
-  part.pixel_divisor = call.points->pixel_divisor;
-  return part;
+PartHeader PartOf(const ManifoldCall& call, const CallTable& table) {
+  const auto found = std::find(table.points.begin(), table.points.end(), call.points);
+  return {call.patches.scale,
+          call.points == nullptr ? 0 : static_cast<uint32_t>(found - table.points.begin()) + 1};
 }
 
-bool SendPart(const ManifoldCall& call, const PlaneTable& table, SocketStream* to) {
-  const PartHeader part = PartOf(call);
+PointsHeader HeaderOf(const SlicePoints& points, const SlicePoints& first) {
+  const bool is_placed = &points != &first && points.own_features == first.own_features &&
+                         points.pixels == first.pixels && points.features == first.features;
+  return {static_cast<uint32_t>(points.pixels.size()), static_cast<uint32_t>(points.own_features),
+          points.signals.empty() ? 0U : 1U, is_placed ? 1U : 0U, points.pixel_divisor};
+}
+
+bool SendPoints(const SlicePoints& points, const SlicePoints& first, SocketStream* to) {
+  const PointsHeader header = HeaderOf(points, first);
+  if (!to->Write(&header, sizeof(header))) return false;
+  if (header.is_placed == 0 && !(SendList(points.pixels, to) && SendList(points.features, to))) return false;
+  return header.has_signals == 0 || (SendList(points.signals, to) && SendList(points.weights, to));
+}
+
+bool SendPart(const ManifoldCall& call, const CallTable& table, SocketStream* to) {
+  const PartHeader part = PartOf(call, table);
   std::vector<uint32_t> numbers;
   for (const ConstFloatView& plane : PlanesOf(call)) numbers.push_back(table.numbers.at(plane.Row(0)));
-  if (!to->Write(&part, sizeof(part)) || !SendList(numbers, to) ||
-      !to->Write(call.patches.taps.data(), call.patches.taps.size() * sizeof(float)))
-    return false;
-  if (call.points == nullptr) return true;
-  return SendList(call.points->pixels, to) && SendList(call.points->features, to) &&
-         (part.has_signals == 0 ||
-          (SendList(call.points->signals, to) && SendList(call.points->weights, to)));
+  return to->Write(&part, sizeof(part)) && SendList(numbers, to) && SendList(call.patches.taps, to);
 }
 
-bool ReceivePoints(const Header& header, const PartHeader& part, SocketStream* from, SlicePoints* points) {
-  const size_t count = part.count;
-  points->own_features = part.own_features;
-  points->pixel_divisor = part.pixel_divisor;
+bool ReceivePlaces(const Header& header, size_t count, SocketStream* from, SlicePoints* points) {
   if (!ReceiveList(count, from, &points->pixels)) return false;
   for (const auto& [x, y] : points->pixels) {
     if (x < 0 || x >= header.width || y < 0 || y >= header.height) return false;
   }
-  if (!ReceiveList(count * part.own_features, from, &points->features)) return false;
-  if (part.has_signals == 0) return true;
-  return ReceiveList(count * header.signals, from, &points->signals) &&
-         ReceiveList(count, from, &points->weights);
+  return ReceiveList(count * points->own_features, from, &points->features);
+}
+
+bool ReceivePoints(const Header& header, SocketStream* from, std::vector<SlicePoints>* all) {
+  PointsHeader head = {};
+  if (!from->Read(&head, sizeof(head)) || !IsValid(head, header)) return false;
+  SlicePoints points;
+  if (head.is_placed != 0) {
+    if (all->empty() || all->front().pixels.size() != head.count ||
+        all->front().own_features != head.own_features)
+      return false;
+    points.pixels = all->front().pixels;
+    points.features = all->front().features;
+  }
+  points.own_features = head.own_features;
+  points.pixel_divisor = head.pixel_divisor;
+  if (head.is_placed == 0 && !ReceivePlaces(header, head.count, from, &points)) return false;
+  if (head.has_signals != 0 && !(ReceiveList(size_t{head.count} * header.signals, from, &points.signals) &&
+                                 ReceiveList(head.count, from, &points.weights)))
+    return false;
+  all->push_back(std::move(points));
+  return true;
 }
 
 bool ReceivePart(const Header& header, SocketStream* from, ReceivedCalls::Part* part) {
@@ -255,7 +301,40 @@ bool ReceivePart(const Header& header, SocketStream* from, ReceivedCalls::Part* 
   for (const uint32_t number : part->planes) {
     if (number >= header.planes) return false;
   }
-  return head.has_points == 0 || ReceivePoints(header, head, from, &part->points.emplace());
+  part->points = head.points;
+  return true;
+}
+
+/// A plane of calls, and its view: kept, to be kept, or theirs alone.
+bool ReceivePlane(const Header& header, uint32_t word, KeptPlanesOfCaller* kept, SocketStream* from,
+                  ReceivedCalls* calls) {
+  const uint32_t number = word & ~kIsThere;
+  const auto found = kept->find(number);
+  if ((word & kIsThere) != 0) {
+    if (found == kept->end()) return false;
+    calls->views.push_back(found->second.view());
+    return found->second.width() == header.width && found->second.height() == header.height;
+  }
+  Plane plane = Plane::Uninitialized(header.width, header.height);
+  if (!from->ReadRows(plane.view())) return false;
+  if (number == 0) {
+    calls->views.push_back(calls->planes.emplace_back(std::move(plane)).view());
+    return true;
+  }
+  uint64_t floats = FloatsOf(plane.view());
+  for (const auto& [_, other] : *kept) floats += FloatsOf(other.view());
+  if (found != kept->end() || kept->size() >= kMostKept || floats > kMostKeptFloats) return false;
+  calls->views.push_back(kept->emplace(number, std::move(plane)).first->second.view());
+  return true;
+}
+
+bool ReceivePlanes(const Header& header, KeptPlanesOfCaller* kept, SocketStream* from, ReceivedCalls* calls) {
+  std::vector<uint32_t> forgotten, words;
+  if (!ReceiveList(header.forgotten, from, &forgotten) || !ReceiveList(header.planes, from, &words))
+    return false;
+  for (const uint32_t number : forgotten) kept->erase(number);
+  return std::all_of(words.begin(), words.end(),
+                     [&](uint32_t word) { return ReceivePlane(header, word, kept, from, calls); });
 }
 
 bool ReceiveResult(const ManifoldCall& call, SocketStream* from, ManifoldResult* result) {
@@ -272,45 +351,99 @@ bool ReceiveResult(const ManifoldCall& call, SocketStream* from, ManifoldResult*
 std::vector<ManifoldCall> ReceivedCalls::View() const {
   std::vector<ManifoldCall> calls;
   for (const Part& part : parts) {
-    const auto views = [&](size_t first, size_t end) {
+    const auto views_of = [&](size_t first, size_t end) {
       filter::PlaneViews found;
-      for (size_t i = first; i < end; ++i) found.push_back(planes[part.planes[i]].view());
+      for (size_t i = first; i < end; ++i) found.push_back(views[part.planes[i]]);
       return found;
     };
     const size_t mask = part.planes.size() - 1;
-    calls.push_back({views(0, signals),
-                     {views(signals, signals + colors), radius, dimensions, part.taps, part.scale},
-                     views(signals + colors, mask),
-                     planes[part.planes[mask]].view(),
+    const size_t patches = signals + bases;
+    calls.push_back({views_of(0, signals),
+                     views_of(signals, patches),
+                     {views_of(patches, patches + colors), radius, dimensions, part.taps, part.scale,
+                      inverse_knee, shift},
+                     views_of(patches + colors, mask),
+                     views[part.planes[mask]],
                      params,
                      reach,
-                     part.points.has_value() ? &*part.points : nullptr});
+                     part.points > 0 ? &points[part.points - 1] : nullptr});
   }
   return calls;
 }
 
 bool CanSend(absl::Span<const ManifoldCall> calls) {
   if (calls.empty() || calls.size() > kMostCalls) return false;
-  const Header header = HeaderOf(calls, PlaneTable(calls));
+  const CallTable table(calls);
+  const Header header = HeaderOf(calls, table);
   return IsValid(header) && std::all_of(calls.begin(), calls.end(), [&](const ManifoldCall& call) {
-           return IsValid(PartOf(call), header) && TapsOf(header) == call.patches.taps.size();
+           return IsValid(PartOf(call, table), header) && TapsOf(header) == call.patches.taps.size() &&
+                  (call.points == nullptr || IsValid(HeaderOf(*call.points, *call.points), header));
          });
 }
 
-bool SendCalls(absl::Span<const ManifoldCall> calls, SocketStream* to) {
-  const PlaneTable table(calls);
-  const Header header = HeaderOf(calls, table);
-  bool works = SendOperation(Operation::kFilter, to) && to->Write(&header, sizeof(header));
-  for (const ConstFloatView& plane : table.planes) works = works && to->WriteRows(plane);
+void SentPlanes::Keep(absl::Span<const ConstFloatView> planes) {
+  for (const ConstFloatView& plane : planes) {
+    const uint64_t floats = FloatsOf(plane);
+    if (floats == 0 || kept_.size() + forgotten_.size() >= kMostKept || floats_ + floats > kMostKeptFloats)
+      continue;
+    if (kept_.emplace(plane.Row(0), Kept{last_ % (kIsThere - 1) + 1, floats, false}).second) {
+      ++last_;
+      floats_ += floats;
+    }
+  }
+}
+
+void SentPlanes::Forget(absl::Span<const ConstFloatView> planes) {
+  for (const ConstFloatView& plane : planes) {
+    const auto found = FloatsOf(plane) > 0 ? kept_.find(plane.Row(0)) : kept_.end();
+    if (found == kept_.end()) continue;
+    if (found->second.is_there) forgotten_.push_back(found->second.number);
+    floats_ -= found->second.floats;
+    kept_.erase(found);
+  }
+}
+
+uint32_t SentPlanes::NumberOf(const ConstFloatView& plane, bool* is_there) const {
+  const auto found = kept_.find(plane.Row(0));
+  *is_there = found != kept_.end() && found->second.is_there;
+  return found != kept_.end() ? found->second.number : 0;
+}
+
+void SentPlanes::SetSent(absl::Span<const ConstFloatView> planes) {
+  for (const ConstFloatView& plane : planes) {
+    if (const auto found = kept_.find(plane.Row(0)); found != kept_.end()) found->second.is_there = true;
+  }
+}
+
+bool SendCalls(absl::Span<const ManifoldCall> calls, SentPlanes* kept, SocketStream* to) {
+  const CallTable table(calls);
+  Header header = HeaderOf(calls, table);
+  const std::vector<uint32_t> forgotten = kept->TakeForgotten();
+  header.forgotten = static_cast<uint32_t>(forgotten.size());
+  std::vector<uint32_t> words;
+  filter::PlaneViews sent;
+  for (const ConstFloatView& plane : table.planes) {
+    bool is_there = false;
+    words.push_back(kept->NumberOf(plane, &is_there));
+    if (is_there)
+      words.back() |= kIsThere;
+    else
+      sent.push_back(plane);
+  }
+  bool works = SendOperation(Operation::kFilter, to) && to->Write(&header, sizeof(header)) &&
+               SendList(forgotten, to) && SendList(words, to);
+  for (const ConstFloatView& plane : sent) works = works && to->WriteRows(plane);
+  kept->SetSent(sent);
+  for (const SlicePoints* points : table.points) works = works && SendPoints(*points, *table.points[0], to);
   for (const ManifoldCall& call : calls) works = works && SendPart(call, table, to);
   return works;
 }
 
-std::optional<ReceivedCalls> ReceiveCalls(SocketStream* from) {
+std::optional<ReceivedCalls> ReceiveCalls(KeptPlanesOfCaller* kept, SocketStream* from) {
   Header header = {};
   if (!from->Read(&header, sizeof(header)) || !IsValid(header)) return std::nullopt;
   ReceivedCalls calls;
-  calls.planes = MakeUninitializedPlanes(header.planes, header.width, header.height);
+  if (!ReceivePlanes(header, kept, from, &calls)) return std::nullopt;
   const ParamsHeader& params = header.params;
   calls.params = {.sigma_s = params.sigma_s,
                   .height = params.levels,
@@ -321,10 +454,14 @@ std::optional<ReceivedCalls> ReceiveCalls(SocketStream* from) {
                   .slope_ridge = params.slope_ridge};
   calls.reach = params.reach;
   calls.signals = header.signals;
+  calls.bases = header.bases;
   calls.colors = header.colors;
   calls.radius = header.radius;
   calls.dimensions = header.dimensions;
-  bool works = ReceivePlanes(from, &calls.planes);
+  calls.inverse_knee = header.inverse_knee;
+  calls.shift = header.shift;
+  bool works = true;
+  for (uint32_t i = 0; i < header.points; ++i) works = works && ReceivePoints(header, from, &calls.points);
   calls.parts.resize(header.calls);
   for (ReceivedCalls::Part& part : calls.parts) works = works && ReceivePart(header, from, &part);
   if (!works) return std::nullopt;

@@ -69,20 +69,30 @@ class DeviceLink final : public filter::ManifoldDevice {
   std::string OtherBits() const override { return other_bits_; }
   std::optional<std::vector<filter::ManifoldResult>> Filter(
       absl::Span<const filter::ManifoldCall> calls) override {
-    return Ask<absl::Span<const filter::ManifoldCall>>(calls, SendCalls, ReceiveResults);
+    absl::MutexLock lock(&mutex_);
+    return Ask(calls, [&] { return SendCalls(calls, &kept_, &stream_); }, ReceiveResults);
   }
   std::optional<filter::FitResult> Fit(const filter::FitCall& call) override {
-    return Ask<const filter::FitCall&>(call, SendFit, ReceiveResult);
+    absl::MutexLock lock(&mutex_);
+    return Ask<const filter::FitCall&>(call, [&] { return SendFit(call, &stream_); }, ReceiveResult);
+  }
+  void Keep(absl::Span<const ConstFloatView> planes) override {
+    absl::MutexLock lock(&mutex_);
+    kept_.Keep(planes);
+  }
+  void Forget(absl::Span<const ConstFloatView> planes) override {
+    absl::MutexLock lock(&mutex_);
+    kept_.Forget(planes);
   }
 
  private:
-  template <typename Parameter, typename Result>
-  std::optional<Result> Ask(Parameter call, bool (*send)(Parameter, SocketStream*),
-                            std::optional<Result> (*receive)(Parameter, SocketStream*)) {
-    absl::MutexLock lock(&mutex_);
+  template <typename Parameter, typename Send, typename Result>
+  std::optional<Result> Ask(Parameter call, const Send& send,
+                            std::optional<Result> (*receive)(Parameter, SocketStream*))
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (has_failed_ || !CanSend(call)) return std::nullopt;
     std::optional<Result> result;
-    const std::optional<bool> has_result = send(call, &stream_) ? ReceiveHasResult(&stream_) : std::nullopt;
+    const std::optional<bool> has_result = send() ? ReceiveHasResult(&stream_) : std::nullopt;
     if (has_result.value_or(false)) result = receive(call, &stream_);
     if (result.has_value()) return result;
     has_failed_ = has_result.value_or(true);
@@ -94,6 +104,7 @@ class DeviceLink final : public filter::ManifoldDevice {
   const std::string other_bits_;
   absl::Mutex mutex_;
   SocketStream stream_ ABSL_GUARDED_BY(mutex_);
+  SentPlanes kept_ ABSL_GUARDED_BY(mutex_);
   const std::function<void()> on_trouble_;
   bool has_failed_ ABSL_GUARDED_BY(mutex_) = false;
   bool has_left_ ABSL_GUARDED_BY(mutex_) = false;  // a call to the processor
@@ -111,6 +122,8 @@ class OwnDevice final : public filter::ManifoldDevice {
     return link_->Filter(calls);
   }
   std::optional<filter::FitResult> Fit(const filter::FitCall& call) override { return link_->Fit(call); }
+  void Keep(absl::Span<const ConstFloatView> planes) override { link_->Keep(planes); }
+  void Forget(absl::Span<const ConstFloatView> planes) override { link_->Forget(planes); }
 
  private:
   const std::unique_ptr<DeviceProcess> process_;

@@ -75,7 +75,8 @@ class Service {
       connections_.insert(connection.get());
     }
     SocketStream stream(connection.get());
-    while (Answer(&stream)) {
+    KeptPlanesOfCaller kept;
+    while (Answer(&kept, &stream)) {
     }
     absl::MutexLock lock(&mutex_);
     connections_.erase(connection.get());
@@ -106,14 +107,14 @@ class Service {
   }
 
   /// Answers the next message. False: it was the last.
-  bool Answer(SocketStream* stream) {
+  bool Answer(KeptPlanesOfCaller* kept, SocketStream* stream) {
     const std::optional<Operation> operation = ReceiveOperation(stream);
     if (!operation.has_value()) return false;
     if (*operation == Operation::kFit) {
       const std::optional<ReceivedFit> fit = ReceiveFit(stream);
       return fit.has_value() && Send(Watched([&] { return device_->Fit(fit->View()); }), SendResult, stream);
     }
-    const std::optional<ReceivedCalls> calls = ReceiveCalls(stream);
+    const std::optional<ReceivedCalls> calls = ReceiveCalls(kept, stream);
     return calls.has_value() &&
            Send(Watched([&] { return device_->Filter(calls->View()); }), SendResults, stream);
   }

@@ -36,18 +36,30 @@ auto Transfer(const Send& send, const Receive& receive)
   return received;
 }
 
+/// Both ends of a connection that has kept planes.
+struct Connection {
+  SentPlanes sent;
+  KeptPlanesOfCaller kept;
+
+  std::optional<ReceivedCalls> Transfer(const std::vector<filter::ManifoldCall>& calls) {
+    return device::Transfer([&](SocketStream* to) { return SendCalls(calls, &sent, to); },
+                            [&](SocketStream* from) {
+                              return ReceiveOperation(from) == Operation::kFilter ? ReceiveCalls(&kept, from)
+                                                                                  : std::nullopt;
+                            });
+  }
+};
+
 std::optional<ReceivedCalls> Transfer(const std::vector<filter::ManifoldCall>& calls) {
-  return Transfer([&](SocketStream* to) { return SendCalls(calls, to); },
-                  [&](SocketStream* from) {
-                    return ReceiveOperation(from) == Operation::kFilter ? ReceiveCalls(from) : std::nullopt;
-                  });
+  return Connection().Transfer(calls);
 }
 
 class CallMessages : public testing::Test {
  protected:
   filter::ManifoldCall Call() const {
     return {filter::ViewsOf(input_.signals),
-            {filter::ViewsOf(input_.signals), radius_, dimensions_, taps_, 1},
+            {},
+            {filter::ViewsOf(input_.signals), radius_, dimensions_, taps_, 1, inverse_knee_, 0.5f},
             filter::ViewsOf(input_.features),
             input_.mask.view(),
             params_,
@@ -63,6 +75,7 @@ class CallMessages : public testing::Test {
   filter::ManifoldParams params_ = {.height = 3, .keeps_mass = true, .is_first_order = true};
   float reach_ = 5;
   int radius_ = 1, dimensions_ = 5;
+  float inverse_knee_ = 2;
   std::vector<float> taps_ = std::vector<float>(3 * 5 * 9, 0.5f);
 };
 
@@ -75,6 +88,8 @@ TEST_F(CallMessages, ArriveAsTheyWere) {
   EXPECT_EQ(call.reach, 5);
   EXPECT_EQ(call.patches.radius, 1);
   EXPECT_EQ(call.patches.dimensions, 5);
+  EXPECT_EQ(call.patches.inverse_knee, 2);
+  EXPECT_EQ(call.patches.shift, 0.5f);
   EXPECT_EQ(call.patches.taps, absl::MakeConstSpan(taps_));
   EXPECT_EQ(call.points->pixels, points_.pixels);
   EXPECT_EQ(call.points->features, points_.features);
@@ -96,15 +111,59 @@ TEST_F(CallMessages, OfSeveralCallsHaveEachPlaneOnce) {
   second.signals = filter::ViewsOf(other.signals);
   second.patches.scale = 2;
   second.points = nullptr;
-  const std::optional<ReceivedCalls> received = Transfer({Call(), second});
+  filter::ManifoldCall third = Call(), fourth = Call();
+  filter::SlicePoints placed = points_;  // the same ones of another half
+  placed.signals.front() += 1;
+  fourth.points = &placed;
+  const std::optional<ReceivedCalls> received = Transfer({Call(), second, third, fourth});
   ASSERT_TRUE(received.has_value());
   EXPECT_EQ(received->planes.size(), 3 + 4 + 1 + 3);
   const std::vector<filter::ManifoldCall> calls = received->View();
-  ASSERT_EQ(calls.size(), 2);
+  ASSERT_EQ(calls.size(), 4);
   EXPECT_EQ(calls[1].signals[0].At(3, 2), other.signals[0].At(3, 2));
   EXPECT_EQ(calls[1].features[0].Row(0), calls[0].features[0].Row(0));
   EXPECT_EQ(calls[1].patches.scale, 2);
   EXPECT_EQ(calls[1].points, nullptr);
+  EXPECT_EQ(calls[2].points, calls[0].points);
+  EXPECT_EQ(calls[3].points->pixels, points_.pixels);
+  EXPECT_EQ(calls[3].points->features, points_.features);
+  EXPECT_EQ(calls[3].points->signals, placed.signals);
+}
+
+TEST_F(CallMessages, SendAPlaneThatIsKeptOnce) {
+  Connection connection;
+  const filter::PlaneViews kept = filter::ViewsOf(input_.features);
+  connection.sent.Keep(kept);
+  const float first = input_.features[3].At(4, 100);
+  ASSERT_TRUE(connection.Transfer({Call()}).has_value());
+  EXPECT_EQ(connection.kept.size(), 4);
+  input_.features[3].At(4, 100) = first + 1;  // which a caller must not do: the other end has it as it was
+  std::optional<ReceivedCalls> received = connection.Transfer({Call()});
+  ASSERT_TRUE(received.has_value());
+  EXPECT_EQ(received->planes.size(), 3 + 1);
+  EXPECT_EQ(received->View().front().features[3].At(4, 100), first);
+  connection.sent.Forget(kept);
+  received = connection.Transfer({Call()});
+  ASSERT_TRUE(received.has_value());
+  EXPECT_EQ(received->View().front().features[3].At(4, 100), first + 1);
+  EXPECT_TRUE(connection.kept.empty());
+}
+
+TEST_F(CallMessages, OfKeptPlanesThatAreNotThereAreRefused) {
+  Connection connection;
+  connection.sent.Keep(filter::ViewsOf(input_.features));
+  ASSERT_TRUE(connection.Transfer({Call()}).has_value());
+  EXPECT_TRUE(connection.Transfer({Call()}).has_value());
+  connection.kept.begin()->second = Plane(7, 5);
+  EXPECT_FALSE(connection.Transfer({Call()}).has_value()) << "a plane of another size";
+  connection.kept.clear();
+  EXPECT_FALSE(connection.Transfer({Call()}).has_value()) << "a plane that was never sent";
+  SentPlanes others;
+  others.Keep(filter::ViewsOf(input_.signals));  // with a number that is taken
+  ASSERT_TRUE(Connection().Transfer({Call()}).has_value());
+  connection.kept.emplace(1, Plane(19, 150));
+  connection.sent = others;
+  EXPECT_FALSE(connection.Transfer({Call()}).has_value()) << "a plane in another's place";
 }
 
 /// The process with the device is in no sandbox; the caller may be one that a malformed scene has taken over.
@@ -131,6 +190,9 @@ TEST_F(CallMessages, OfNoValidCallAreRefused) {
     EXPECT_FALSE(IsReceived()) << "a reach of " << reach;
   }
   reach_ = 5;
+  inverse_knee_ = std::numeric_limits<float>::infinity();
+  EXPECT_FALSE(IsReceived()) << "guides over a knee of 0";
+  inverse_knee_ = 0;
   input_.signals.pop_back();
   EXPECT_FALSE(IsReceived()) << "planes fitted to two signals";
 }
@@ -219,7 +281,8 @@ TEST_F(FitMessages, OfAnyWordsAreRefusedOrValid) {
     const auto send = [&](SocketStream* to) { return to->Write(words.data(), 4 * words.size()); };
     const bool is_fit = i % 2 == 0;
     const auto receive = [&](SocketStream* from) {
-      return is_fit ? ReceiveFit(from).has_value() : ReceiveCalls(from).has_value();
+      KeptPlanesOfCaller kept;
+      return is_fit ? ReceiveFit(from).has_value() : ReceiveCalls(&kept, from).has_value();
     };
     EXPECT_FALSE(Transfer(send, receive)) << i;  // 64 words hold no call
   }

@@ -7,6 +7,7 @@
 #include <memory>
 #include <random>
 
+#include "filter/layers/guide.h"
 #include "filter/manifold/manifold_device.h"
 #include "filter/manifold/manifold_tree.h"
 #include "filter/opencl/manifold_run.h"
@@ -187,8 +188,8 @@ TEST(ManifoldFilter, IsTheSameInAnyMemoryOfADevice) {
     for (const int height : {1, 2, 4}) {
       const ManifoldParams params = {
           .sigma_s = 7, .height = height, .cell = 4, .keeps_mass = true, .is_first_order = fits};
-      const ManifoldCall call = {
-          ViewsOf(input.signals), {}, ViewsOf(input.features), input.mask.view(), params, 16, &points};
+      const ManifoldCall call = {ViewsOf(input.signals), {},     {}, ViewsOf(input.features),
+                                 input.mask.view(),      params, 16, &points};
       const DeviceMemory least = LeastMemory({&call, 1});
       const auto run = [&](const DeviceMemory& memory) {
         return std::move(FilterOracle({&call, 1}, memory).front());
@@ -200,6 +201,28 @@ TEST(ManifoldFilter, IsTheSameInAnyMemoryOfADevice) {
         EXPECT_EQ(whole.points.values, small.points.values);
         EXPECT_EQ(whole.points.weights, small.points.weights);
       }
+    }
+  }
+}
+
+TEST(FilterGuided, EqualsItsOracleForBasesAndStabilisedGuides) {
+  const ManifoldInput input = MakeManifoldInput(37, 29, 2, true, 16);
+  const ManifoldInput base = MakeManifoldInput(37, 29, 2, false, 17);
+  Halves halves;
+  halves.level = 0.7f;
+  halves.share_a = MakePlane(37, 29, 0.5f);
+  halves.weight = MakePlane(37, 29, 1.0f);
+  for (const float knee : {0.02f, 2.0f}) {
+    const JointGuides guides = MakeJointGuides(MakeGuide(halves, input.signals, base.signals, knee, nullptr),
+                                               halves, {.radius = 1}, 0.5f, input.features, nullptr);
+    const std::vector<GuidedFiltering> filterings = {
+        {input.signals, &base.signals, guides.b, 1, input.mask.view(), nullptr},
+        {base.signals, &input.signals, guides.a, 0.7f, input.mask.view(), nullptr}};
+    const auto run = [&](TaskPool* pool) { return FilterGuided(filterings, {.height = 3}, 16, pool); };
+    const std::vector<ManifoldResult> here = run(nullptr);
+    for (const bool is_small : {false, true}) {
+      const std::vector<ManifoldResult> oracle = run(PoolWithOracle(is_small).get());
+      for (const size_t i : {0, 1}) EXPECT_EQ(WorstDifference(here[i].filtered, oracle[i].filtered), 0.0);
     }
   }
 }

@@ -24,6 +24,7 @@ namespace {
 namespace kernels {
 
 // The language of the kernels, and what their host defines.
+using std::copysign;
 using std::fabs;
 using std::sqrt;
 size_t work_item = 0;
@@ -142,8 +143,9 @@ void RunInCpp::Run(const char* kernel, size_t items, std::initializer_list<Argum
                         LUMIFOLD_CALL(Axis) || LUMIFOLD_CALL(Weigh) || LUMIFOLD_CALL(KeepMass) ||
                         LUMIFOLD_CALL(Splat) || LUMIFOLD_CALL(Moments) || LUMIFOLD_CALL(Links) ||
                         LUMIFOLD_CALL(GuidedRows) || LUMIFOLD_CALL(GuidedColumns) || LUMIFOLD_CALL(Slice) ||
-                        LUMIFOLD_CALL(Project) || LUMIFOLD_CALL(ProbeReals) || LUMIFOLD_CALL(FitSums) ||
-                        LUMIFOLD_CALL(FitModels) || LUMIFOLD_CALL(FitValues) || LUMIFOLD_CALL(FitOwn);
+                        LUMIFOLD_CALL(Project) || LUMIFOLD_CALL(Stabilise) || LUMIFOLD_CALL(Subtract) ||
+                        LUMIFOLD_CALL(ProbeReals) || LUMIFOLD_CALL(FitSums) || LUMIFOLD_CALL(FitModels) ||
+                        LUMIFOLD_CALL(FitValues) || LUMIFOLD_CALL(FitOwn);
 #undef LUMIFOLD_CALL
   LUMIFOLD_CHECK(is_known);
 }
@@ -153,14 +155,16 @@ class OracleDevice final : public ManifoldDevice {
   explicit OracleDevice(bool is_small) : is_small_(is_small) {}
 
   std::string OtherBits() const override { return ""; }
-  std::optional<std::vector<ManifoldResult>> Filter(absl::Span<const ManifoldCall>) override {
-    return std::nullopt;
+  std::optional<std::vector<ManifoldResult>> Filter(absl::Span<const ManifoldCall> calls) override {
+    return FilterOracle(calls, is_small_ ? LeastMemory(calls) : DeviceMemory{});
   }
   std::optional<FitResult> Fit(const FitCall& call) override {
     const DeviceMemory memory = is_small_ ? LeastMemory(call) : DeviceMemory{};
     RunInCpp run(call.shape, memory);
     return *RunFit(call, memory, &run);
   }
+  void Keep(absl::Span<const ConstFloatView>) override {}
+  void Forget(absl::Span<const ConstFloatView>) override {}
 
  private:
   const bool is_small_;
@@ -171,7 +175,7 @@ class OracleDevice final : public ManifoldDevice {
 ManifoldResult ManifoldFilterOracle(const Planes& signals, const Planes& features, ConstFloatView mask,
                                     const ManifoldParams& params, float reach, const SlicePoints* points,
                                     const DeviceMemory& memory) {
-  const ManifoldCall call = {ViewsOf(signals), {}, ViewsOf(features), mask, params, reach, points};
+  const ManifoldCall call = {ViewsOf(signals), {}, {}, ViewsOf(features), mask, params, reach, points};
   return std::move(FilterOracle({&call, 1}, memory).front());
 }
 

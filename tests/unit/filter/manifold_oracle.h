@@ -21,8 +21,8 @@ ManifoldResult ManifoldFilterOracle(const Planes& signals, const Planes& feature
 /// ManifoldDevice::Filter by the same.
 std::vector<ManifoldResult> FilterOracle(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory);
 
-/// A pool whose device does the same, but for filterings, which it leaves; in as little memory as it can where
-/// it `is_small`.
+/// A pool whose device does all that devices do by the same; in as little memory as it can where it
+/// `is_small`.
 std::unique_ptr<TaskPool> PoolWithOracle(bool is_small);
 
 /// ProjectPatches by the kernel of projection.cl.

@@ -115,8 +115,8 @@ TEST_F(OpenCl, GivesTheBitsOfThisProcessorForGuidesWhosePatchesItProjects) {
       const JointGuide guide = MakeJointGuide(Clone(input.signals), basis, 0.5f, input.features);
       const ManifoldInput other = MakeManifoldInput(width, height, 2, false, 17);
       const std::vector<GuidedFiltering> filterings = {
-          {input.signals, guide, 1, input.mask.view(), &points},
-          {other.signals, guide, 0.7f, input.mask.view(), nullptr}};
+          {input.signals, nullptr, guide, 1, input.mask.view(), &points},
+          {other.signals, &input.signals, guide, 0.7f, input.mask.view(), nullptr}};
       const auto run = [&](TaskPool* pool) { return FilterGuided(filterings, {.height = 3}, 16, pool); };
       const std::vector<ManifoldResult> here = run(nullptr), there = run(pool_.get());
       for (size_t i = 0; i < 2; ++i) {

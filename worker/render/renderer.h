@@ -116,12 +116,6 @@ class Renderer {
   std::shared_ptr<const EdgeMask> EdgePixelsOf(const Rect& rect, const std::atomic<bool>* stop) const;
   void KeepIfComplete(std::shared_ptr<const EdgeMask> mask, const std::atomic<bool>* stop) const;
 
-  /// Calls visit(CameraPacket) for the samples of a pixel.
-  template <typename Visit>
-  void ForEachPacket(int x, int y, int frame, SampleRange range, Visit visit) const {
-    ForEachCameraPacket(camera_, settings_.seed, frame, x, y, range, visit);
-  }
-
   std::shared_ptr<const scene::Scene> scene_;
   std::unique_ptr<EmbreeScene> embree_;
   std::unique_ptr<ShadowCatchers> catchers_;  // null: none

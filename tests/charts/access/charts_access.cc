@@ -42,14 +42,15 @@ void ChartsAccess::TraceSamples(const Rect& rect, int frame, SampleRange range,
   for (int y = rect.y0; y < rect.y1; ++y) {
     for (int x = rect.x0; x < rect.x1; ++x) {
       const int64_t pixel = static_cast<int64_t>(y) * renderer_->settings_.width + x;
-      renderer_->ForEachPacket(x, y, frame, range, [&](const CameraPacket& packet) {
-        tracer().Trace(packet.rays(), packet.samplers(), samples);
-        tracer().TraceGeometry(packet.rays(), geometry);
-        for (size_t i = 0; i < packet.size(); ++i) {
-          visit({pixel, packet.Index(i), packet.Point(i), packet.LensPoint(i),
-                 FirstSurfaceNumbers(packet.samplers()[i]), samples[i], geometry[i]});
-        }
-      });
+      ForEachCameraPacket(renderer_->camera_, renderer_->settings_.seed, frame, x, y, range,
+                          [&](const CameraPacket& packet) {
+                            tracer().Trace(packet.rays(), packet.samplers(), samples);
+                            tracer().TraceGeometry(packet.rays(), geometry);
+                            for (size_t i = 0; i < packet.size(); ++i) {
+                              visit({pixel, packet.Index(i), packet.Point(i), packet.LensPoint(i),
+                                     FirstSurfaceNumbers(packet.samplers()[i]), samples[i], geometry[i]});
+                            }
+                          });
     }
   }
 }
@@ -66,14 +67,15 @@ LayeredImage ChartsAccess::RenderRadiance(const Rect& rect, int frame, SampleRan
     for (int x = rect.x0; x < rect.x1; ++x) {
       std::array<Vec3, 2> sums;
       std::array<float, 2> count = {0, 0};
-      renderer_->ForEachPacket(x, y, frame, range, [&](const CameraPacket& packet) {
-        TraceRadiance(packet.rays(), packet.samplers(), radiances);
-        for (size_t i = 0; i < packet.size(); ++i) {
-          if (!counts->Add(IsFinite(radiances[i]))) continue;
-          sums[packet.Index(i) & 1] += radiances[i];
-          count[packet.Index(i) & 1] += 1;
-        }
-      });
+      ForEachCameraPacket(renderer_->camera_, renderer_->settings_.seed, frame, x, y, range,
+                          [&](const CameraPacket& packet) {
+                            TraceRadiance(packet.rays(), packet.samplers(), radiances);
+                            for (size_t i = 0; i < packet.size(); ++i) {
+                              if (!counts->Add(IsFinite(radiances[i]))) continue;
+                              sums[packet.Index(i) & 1] += radiances[i];
+                              count[packet.Index(i) & 1] += 1;
+                            }
+                          });
       for (size_t half = 0; half < 2; ++half) {
         Put(halves[half], x - rect.x0, y - rect.y0, sums[half]);
         samples[half].At(x - rect.x0, y - rect.y0) = count[half];
@@ -142,7 +144,7 @@ void ChartsAccess::TraceAs(std::span<const Ray> rays, std::span<const Sampler> s
   std::vector<Path> paths;
   for (size_t i = 0; i < rays.size(); ++i) {
     out[i].Clear();
-    paths.push_back(tracer().StartPath(rays[i], samplers[i], &out[i]));
+    paths.emplace_back(rays[i], samplers[i], tracer().plan_.levels, &out[i]);
     set(paths.back());
   }
   PathStream stream(tracer());
@@ -161,7 +163,7 @@ std::optional<Surface> ChartsAccess::FirstDiffuseSurface(const Ray& ray) const {
 IndirectRadiance ChartsAccess::TraceIndirect(const Surface& surface, Vec3 direction,
                                              const Sampler& sampler) const {
   LayerSample unused;
-  Path path = tracer().StartPath({}, sampler, &unused);
+  Path path({}, sampler, tracer().plan_.levels, &unused);
   BsdfSample step;
   step.wi = direction;
   step.pdf = Dot(direction, surface.normal) / kPi;

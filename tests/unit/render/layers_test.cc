@@ -95,6 +95,15 @@ scene::Scene WallInAMirror(const Material& wall, const Material& mirror) {
   return scene;
 }
 
+/// (D + I) T + E + G S + levels + remainder.
+Vec3 Recombined(const LayerSample& s) {
+  Vec3 sum = (s.direct + s.indirect) * s.albedo + s.emitted + s.glossy * s.glossy_albedo + s.remainder;
+  s.levels.ForEach([&](layers::Level, const LevelSample& level) {
+    sum += (level.direct + level.indirect) * level.albedo + level.emitted;
+  });
+  return sum;
+}
+
 TEST(Layers, EverySampleEqualsItsRecombinedLayers) {
   for (const auto& [name, room] : Rooms()) {
     const auto renderer = MakeRenderer(room, SettingsOf(32, 24));

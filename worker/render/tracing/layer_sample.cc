@@ -25,14 +25,6 @@ bool LevelsAreFinite(const ByLevel<LevelSample>& levels) {
 
 bool IsFinite(Vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
-Vec3 Recombined(const LayerSample& s) {
-  Vec3 sum = (s.direct + s.indirect) * s.albedo + s.emitted + s.glossy * s.glossy_albedo + s.remainder;
-  s.levels.ForEach([&](layers::Level, const LevelSample& level) {
-    sum += (level.direct + level.indirect) * level.albedo + level.emitted;
-  });
-  return sum;
-}
-
 bool IsFinite(const LayerSample& s) {
   // In NaN and infinity all bits of the exponent are set. The colours are tested side by side, without a
   // branch for each.

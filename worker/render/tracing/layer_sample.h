@@ -91,9 +91,6 @@ struct LayerSample {
   }
 };
 
-/// (D + I) T + E + G S + levels + remainder: equals `combined` to rounding.
-scene::Vec3 Recombined(const LayerSample& sample);
-
 /// Whether no value is NaN or infinite.
 bool IsFinite(scene::Vec3 value);
 bool IsFinite(const LayerSample& sample);

@@ -80,9 +80,6 @@ class PathTracer {
     bool is_base_only;
   };
 
-  Path StartPath(const Ray& camera_ray, const Sampler& sampler, LayerSample* out) const {
-    return Path(camera_ray, sampler, plan_.levels, out);
-  }
   /// Gathers the emission at the end of a path's ray. Returns whether the path may scatter at `surface`,
   /// which then is set.
   bool Reach(const Hit& hit, Path* path, Surface* surface) const;

@@ -191,7 +191,7 @@ filter::PlaneViews PlanesOf(const ManifoldCall& call) {
   return planes;
 }
 
-/// The planes of calls, each once, and their numbers; the first pixel tells a plane from others. And the points.
+/// The planes of calls, each once, and their numbers; the first pixel tells a plane from others. And points.
 struct CallTable {
   explicit CallTable(absl::Span<const ManifoldCall> calls) {
     for (const ManifoldCall& call : calls) {

@@ -2,7 +2,7 @@
 // follows probe.cl in a program of its own.
 //
 // The host defines FIT_TERMS, FIT_SIGNALS and FIT_TRAITS, a multiple of four, and the constants of filter/edges/linear_fit.h
-// (filter/manifold/fit_constants.h) by their names.
+// (filter/manifold/fit_call.h) by their names.
 //
 // Layouts: as FitCall has them; sums of a model: for each term a row, then the sums of variances and of powers. No sum crosses
 // work-items; those over samples follow their numbers.

@@ -11,7 +11,6 @@
 #include "filter/image/parallel.h"
 #include "filter/image/tile_samples.h"
 #include "worker/render/geometry/camera.h"
-#include "worker/render/geometry/camera_packet.h"
 #include "worker/render/geometry/edge_mask.h"
 #include "worker/render/lights/environment.h"
 #include "worker/render/textures/mip_chain.h"

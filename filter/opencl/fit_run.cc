@@ -42,7 +42,8 @@ DeviceMemory NeedOf(const FitSizes& sizes, uint64_t models) {
 
 /// The most models at a time, of all that there may be.
 uint64_t ModelsIn(const DeviceMemory& memory, const FitSizes& sizes) {
-  uint64_t most = std::max<uint64_t>(sizes.targets, 1);
+  constexpr uint64_t kEnough = 1 << 16;  // keep any device busy
+  uint64_t most = std::clamp<uint64_t>(sizes.targets, 1, kEnough);
   while (most > 1 && !memory.Holds(NeedOf(sizes, most))) most = (most + 1) / 2;
   return most;
 }

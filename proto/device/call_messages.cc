@@ -28,6 +28,7 @@ constexpr uint32_t kMostKept = 256;
 constexpr uint64_t kMostKeptFloats = uint64_t{1} << 27;
 constexpr uint32_t kIsThere = uint32_t{1} << 31;  // beside the number of a plane
 constexpr uint32_t kMostPoints = 1U << 27;
+constexpr uint32_t kMostSampleFloats = 1U << 28;  // 1536 x 1536 pixels with three samples each
 constexpr int32_t kMostRadius = 64;
 constexpr float kMostReach = 1 << 16;
 
@@ -133,12 +134,15 @@ FitHeader HeaderOf(const filter::FitCall& call) {
           static_cast<uint32_t>(call.targets.size())};
 }
 
+filter::FitShape ShapeOf(const FitHeader& header) { return {header.terms, header.signals, header.traits}; }
+
 bool IsValid(const FitHeader& header) {
   const auto is_count = [](int32_t count) { return count >= 1 && IsCount(static_cast<uint32_t>(count)); };
   return IsSize(header.width, header.height) && header.radius >= 0 && header.radius <= kMostRadius &&
          is_count(header.terms) && is_count(header.signals) && is_count(header.traits) &&
          header.traits % 4 == 0 && std::isfinite(header.falloff) && std::isfinite(header.slope) &&
-         header.samples <= kMostPoints / (4 * kMostPlanes) && header.targets <= header.samples;
+         header.samples <= kMostSampleFloats / static_cast<uint32_t>(ShapeOf(header).Sample()) &&
+         header.targets <= header.samples;
 }
 
 /// Whether kernels stay within the lists of a call whose header is valid.
@@ -494,7 +498,7 @@ std::optional<ReceivedFit> ReceiveFit(SocketStream* from) {
   FitHeader header = {};
   if (!from->Read(&header, sizeof(header)) || !IsValid(header)) return std::nullopt;
   ReceivedFit fit;
-  fit.call = {.shape = {header.terms, header.signals, header.traits},
+  fit.call = {.shape = ShapeOf(header),
               .width = header.width,
               .height = header.height,
               .radius = header.radius,

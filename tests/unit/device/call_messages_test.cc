@@ -272,6 +272,16 @@ TEST_F(FitMessages, OfNoValidFitAreRefused) {
   EXPECT_TRUE(Received().has_value());
 }
 
+TEST_F(FitMessages, HoldABlockOfWhichEachPixelIsFitted) {
+  constexpr int32_t kSide = 1536;
+  constexpr size_t kPixels = size_t{kSide} * kSide;
+  const filter::FitShape shape = {8, 8, 12};
+  const float none = 0;  // no sample is read
+  const filter::FitCall call = {
+      shape, kSide, kSide, 6, 0.1f, 4, {}, {&none, 2 * kPixels * static_cast<size_t>(shape.Sample())}, {}};
+  EXPECT_TRUE(CanSend(call));
+}
+
 /// Whatever comes is refused or valid, and kernels stay within what is received.
 TEST_F(FitMessages, OfAnyWordsAreRefusedOrValid) {
   std::mt19937 random(7);

@@ -116,6 +116,7 @@ std::vector<Candidate> FilterHalves(const LayerState& state, const JointGuides& 
                                     const Candidate* base) {
   const std::array<SlicePoints, 2> inputs = {InputOf(state, 0, base), InputOf(state, 1, base)};
   std::vector<GuidedFiltering> filterings;
+  filterings.reserve(2 * scales.size());
   for (size_t h = 0; h < 2; ++h) {
     for (const float scale : scales)
       filterings.push_back(FilteringOf(state, h, inputs[h], base, guides, scale));
@@ -123,6 +124,7 @@ std::vector<Candidate> FilterHalves(const LayerState& state, const JointGuides& 
   std::vector<ManifoldResult> results =
       FilterGuided(filterings, manifolds, state.settings.reach_px, state.pool);
   std::vector<Candidate> candidates;
+  candidates.reserve(scales.size());
   for (size_t i = 0; i < scales.size(); ++i)
     candidates.push_back(Pair(HalfFrom(state, 0, inputs[0], base, std::move(results[i])),
                               HalfFrom(state, 1, inputs[1], base, std::move(results[scales.size() + i]))));
@@ -154,6 +156,7 @@ void RunSecondFilterings(LayerState* state) {
       MakeJointGuides(MakeGuide(state->halves, first.a, first.b, settings.knee, state->pool), state->halves,
                       settings.second_patches, widest * state->guide_noise, state->geometry, state->pool);
   std::vector<float> scales;
+  scales.reserve(settings.twicing_ranges.size());
   for (const float range : settings.twicing_ranges) scales.push_back(widest / range);
   for (Candidate& candidate : FilterHalves(*state, guides, scales, settings.twicing_manifolds, &first))
     state->candidates.push_back(std::move(candidate));

@@ -174,6 +174,7 @@ class OpenClRun final : public KernelRun {
     for (const Argument& argument : arguments) {
       const auto set = [&](const auto& value) {
         using Value = std::decay_t<decltype(value)>;
+        // NOLINTNEXTLINE(bugprone-sizeof-expression): cl_mem is a pointer
         return cl_.clSetKernelArg(held.get(), index++, sizeof(Value), static_cast<const void*>(&value));
       };
       const auto set_any = [&](const auto& value) {
@@ -285,7 +286,7 @@ class OpenClDevice final : public Device {
       absl::StatusOr<Held<cl_program>> program = Build(text);
       if (!program.ok()) return program.status();
       OpenClRun probe(cl_, context_.get(), queue_.get(), program->get());
-      const absl::Status status = has_own_bits_ ? CheckBits(text.has_reals, &probe) : absl::OkStatus();
+      absl::Status status = has_own_bits_ ? CheckBits(text.has_reals, &probe) : absl::OkStatus();
       if (!status.ok()) return status;
       found = programs_.emplace(options, *std::move(program)).first;
     }

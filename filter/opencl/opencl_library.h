@@ -34,6 +34,7 @@
 namespace lumifold::filter {
 
 struct OpenClLibrary {
+// NOLINTNEXTLINE(bugprone-macro-parentheses): a member's name
 #define LUMIFOLD_OPENCL_FUNCTION(name) decltype(&::name) name = nullptr;
   LUMIFOLD_OPENCL_FUNCTIONS(LUMIFOLD_OPENCL_FUNCTION)
 #undef LUMIFOLD_OPENCL_FUNCTION

@@ -518,8 +518,9 @@ std::optional<ReceivedFit> ReceiveFit(SocketStream* from) {
     for (auto i = static_cast<size_t>(fit.firsts[pixel]); i < static_cast<size_t>(fit.firsts[pixel + 1]);
          ++i) {
       float* const end = fit.samples.data() + (i + 1) * of_sample;
-      end[-2] = static_cast<float>(pixel % row);
-      end[-1] = static_cast<float>(pixel / row);
+      const size_t x = pixel % row, y = pixel / row;
+      end[-2] = static_cast<float>(x);
+      end[-1] = static_cast<float>(y);
     }
   }
   return fit;

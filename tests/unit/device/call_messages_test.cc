@@ -8,8 +8,10 @@
 #include <optional>
 #include <random>
 #include <thread>
+#include <utility>
 #include <vector>
 
+#include "filter/image/check.h"
 #include "proto/rpc/byte_stream.h"
 #include "tests/unit/filter/manifold_inputs.h"
 
@@ -34,6 +36,13 @@ auto Transfer(const Send& send, const Receive& receive)
   shutdown(to.get(), SHUT_RDWR);  // what is refused is not read to its end
   sender.join();
   return received;
+}
+
+/// The value, which must be there.
+template <typename Value>
+Value Present(std::optional<Value> value) {
+  LUMIFOLD_CHECK(value.has_value());
+  return *std::move(value);
 }
 
 /// Both ends of a connection that has kept planes.
@@ -80,9 +89,8 @@ class CallMessages : public testing::Test {
 };
 
 TEST_F(CallMessages, ArriveAsTheyWere) {
-  const std::optional<ReceivedCalls> received = Transfer({Call()});
-  ASSERT_TRUE(received.has_value());
-  const filter::ManifoldCall call = received->View().front();
+  const ReceivedCalls received = Present(Transfer({Call()}));
+  const filter::ManifoldCall call = received.View().front();
   EXPECT_EQ(call.params.height, 3);
   EXPECT_TRUE(call.params.keeps_mass && call.params.is_first_order);
   EXPECT_EQ(call.reach, 5);
@@ -115,10 +123,9 @@ TEST_F(CallMessages, OfSeveralCallsHaveEachPlaneOnce) {
   filter::SlicePoints placed = points_;  // the same ones of another half
   placed.signals.front() += 1;
   fourth.points = &placed;
-  const std::optional<ReceivedCalls> received = Transfer({Call(), second, third, fourth});
-  ASSERT_TRUE(received.has_value());
-  EXPECT_EQ(received->planes.size(), 3 + 4 + 1 + 3);
-  const std::vector<filter::ManifoldCall> calls = received->View();
+  const ReceivedCalls received = Present(Transfer({Call(), second, third, fourth}));
+  EXPECT_EQ(received.planes.size(), 3 + 4 + 1 + 3);
+  const std::vector<filter::ManifoldCall> calls = received.View();
   ASSERT_EQ(calls.size(), 4);
   EXPECT_EQ(calls[1].signals[0].At(3, 2), other.signals[0].At(3, 2));
   EXPECT_EQ(calls[1].features[0].Row(0), calls[0].features[0].Row(0));
@@ -138,14 +145,12 @@ TEST_F(CallMessages, SendAPlaneThatIsKeptOnce) {
   ASSERT_TRUE(connection.Transfer({Call()}).has_value());
   EXPECT_EQ(connection.kept.size(), 4);
   input_.features[3].At(4, 100) = first + 1;  // which a caller must not do: the other end has it as it was
-  std::optional<ReceivedCalls> received = connection.Transfer({Call()});
-  ASSERT_TRUE(received.has_value());
-  EXPECT_EQ(received->planes.size(), 3 + 1);
-  EXPECT_EQ(received->View().front().features[3].At(4, 100), first);
+  ReceivedCalls received = Present(connection.Transfer({Call()}));
+  EXPECT_EQ(received.planes.size(), 3 + 1);
+  EXPECT_EQ(received.View().front().features[3].At(4, 100), first);
   connection.sent.Forget(kept);
-  received = connection.Transfer({Call()});
-  ASSERT_TRUE(received.has_value());
-  EXPECT_EQ(received->View().front().features[3].At(4, 100), first + 1);
+  received = Present(connection.Transfer({Call()}));
+  EXPECT_EQ(received.View().front().features[3].At(4, 100), first + 1);
   EXPECT_TRUE(connection.kept.empty());
 }
 
@@ -229,9 +234,8 @@ class FitMessages : public testing::Test {
 };
 
 TEST_F(FitMessages, ArriveAsTheyWereWithThePlacesOfSamples) {
-  const std::optional<ReceivedFit> received = Received();
-  ASSERT_TRUE(received.has_value());
-  const filter::FitCall call = received->View();
+  const ReceivedFit received = Present(Received());
+  const filter::FitCall call = received.View();
   EXPECT_EQ(call.shape, shape_);
   EXPECT_EQ(call.radius, 2);
   EXPECT_EQ(call.slope, 4);

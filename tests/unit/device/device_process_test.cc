@@ -112,9 +112,9 @@ class Device : public testing::Test {
 TEST_F(Device, InAProcessGivesTheBitsOfThisProcessorToAllWhoAsk) {
   const auto process = DeviceProcess::Start(Options());
   ASSERT_TRUE(process.ok()) << process.status();
-  std::vector<std::thread> callers;
-  for (int i = 0; i < 3; ++i) {
-    callers.emplace_back([&] {
+  std::vector<std::thread> callers(3);
+  for (std::thread& caller : callers) {
+    caller = std::thread([&] {
       const std::shared_ptr<filter::ManifoldDevice> link = (*process)->Link();
       const filter::ManifoldInput input = filter::MakeManifoldInput(37, 29, 4, true, 15);
       filter::SlicePoints points = filter::MakePoints(input, 2, 2);

@@ -41,8 +41,8 @@ class KernelTest : public testing::Test {
   }
 
   std::vector<Row> RandomRows(size_t rows, float scale = 1.5f) {
-    std::vector<Row> result;
-    for (size_t i = 0; i < rows; ++i) result.push_back(Random(kRoom, scale));
+    std::vector<Row> result(rows);
+    for (Row& row : result) row = Random(kRoom, scale);
     return result;
   }
 

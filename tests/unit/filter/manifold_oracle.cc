@@ -38,8 +38,10 @@ int STEP = 1;
 constexpr int MOST_FEATURES = 32;
 constexpr int MOST_PLANES = 16;
 constexpr int MOST_STEP = 64;
+// NOLINTBEGIN(bugprone-reserved-identifier,clang-diagnostic-reserved-macro-identifier): words of OpenCL
 #define __kernel
 #define __global
+// NOLINTEND(bugprone-reserved-identifier,clang-diagnostic-reserved-macro-identifier)
 #include "filter/opencl/manifold.cl"
 using ulong = uint64_t;
 double as_double(ulong bits) { return std::bit_cast<double>(bits); }

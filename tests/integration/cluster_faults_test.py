@@ -11,7 +11,7 @@ from cluster import ClusterCase
 from farm import wait_until
 from with_postgres import SCRIPT
 
-LONG_JOB = ("--spp", 512)
+LONG_JOB = ("--spp", 1024)
 DISK_MEGABYTES = 96
 
 

@@ -261,7 +261,7 @@ void RunNoisyChoice(LayerState* state) {
   AddEnergy(*state, &state->result);
   Candidate noisy = Noisy(*state);
   AddEnergy(*state, &noisy);
-  state->kept = nullptr;
+  state->kept = nullptr;  // no filtering follows, and the halves change
   if (!state->removed[0].empty()) {
     AddPlanes(state->removed[0], state->pool, absl::MakeSpan(state->halves.a));
     AddPlanes(state->removed[1], state->pool, absl::MakeSpan(state->halves.b));

@@ -64,6 +64,7 @@ class ManifoldDevice {
 
 /// `pool` with a device; `device` may be null.
 std::unique_ptr<TaskPool> WithDevice(std::unique_ptr<TaskPool> pool, std::shared_ptr<ManifoldDevice> device);
+
 /// Planes that neither change nor move before this object ends, for the device of the pool, if it has one.
 class KeptPlanes {
  public:

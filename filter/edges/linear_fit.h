@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 
+#include "filter/kernels/fit_kernels.h"
 #include "filter/manifold/fit_call.h"
 
 namespace lumifold::filter {
@@ -15,6 +16,7 @@ struct FitSample {
   static constexpr size_t kLanes = 4;
   static constexpr size_t kRow =
       (kSignals + kTerms + kLanes - 1) / kLanes * kLanes;  // padded to whole vectors
+  static_assert(kRow % kFitRowPadding == 0);
 
   std::array<float, kRow> row = {};
   float variance = 0;  // of the picture, mean over the channels
@@ -39,15 +41,21 @@ class LinearFit {
   void Add(const Sample& sample, const Sample& centre, float weight) {
     variance_ += weight * sample.variance;
     power_ += weight * sample.power;
-    std::array<float, Sample::kRow> row = sample.row;
+    std::array<float, Sample::kRow>& row = rows_[count_];
+    row = sample.row;
     for (size_t i = 1; i < kTerms; ++i) row[kSignals + i] -= centre.row[kSignals + i];
-    for (size_t i = 0; i < kTerms; ++i) AddTimes(weight * row[kSignals + i], row, i);
+    for (size_t i = 0; i < kTerms; ++i) weighted_[count_][i] = weight * row[kSignals + i];
+    if (++count_ == kTogether) AddRows();
   }
 
-  bool IsEmpty() const { return !(sums_[0][kSignals] > 0); }
+  bool IsEmpty() {
+    AddRows();
+    return !(sums_[0][kSignals] > 0);
+  }
 
-  /// The model; nothing may be empty. Consumes the sums.
+  /// The model, unless the fit is empty. Consumes the sums.
   LinearModel<kTerms, kSignals> Solve() {
+    AddRows();
     const float ridge = Ridge();
     for (size_t i = 1; i < kTerms; ++i) sums_[i][kSignals + i] += ridge;
     // Elimination from the last term up to the constant, whose row then stands alone. No pivoting: the ridge
@@ -84,7 +92,19 @@ class LinearFit {
     }
   }
 
+  /// Adds the rows that wait to the sums.
+  void AddRows() {
+    AddFitRows({rows_[0].data(), weighted_[0].data(), count_, Sample::kRow, kSignals, kTerms},
+               sums_[0].data());
+    count_ = 0;
+  }
+
+  static constexpr size_t kTogether = 64;  // rows: few enough for the first cache
+
   std::array<std::array<float, Sample::kRow>, kTerms> sums_ = {};
+  std::array<std::array<float, Sample::kRow>, kTogether> rows_;  // relative to the centre; count_ of them
+  std::array<std::array<float, kTerms>, kTogether> weighted_;    // their terms times their weights
+  size_t count_ = 0;
   float slope_;
   float variance_ = 0;
   float power_ = 0;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -13,6 +14,7 @@
 #include "filter/image/planes.h"
 #include "filter/image/rect.h"
 #include "filter/kernels/box_mean.h"
+#include "filter/kernels/fit_kernels.h"
 #include "filter/manifold/manifold_device.h"
 
 namespace lumifold::filter {
@@ -115,6 +117,7 @@ class ModelGrid {
   }
 
   FitResult FitHere(const FitCall& call, TaskPool* pool) {
+    ListNumbers(pool);
     std::vector<size_t> centres;
     model_of_.assign(samples_.size(), -1);
     for (const int32_t target : call.targets) {
@@ -124,14 +127,25 @@ class ModelGrid {
     }
     models_.resize(centres.size());
     ForEachOf(centres.size(), pool, [&](size_t m) {
-      models_[m] = *FitAt(samples_[centres[m]]);  // the centre itself counts
+      models_[m] = *FitAt(centres[m]);  // the centre itself counts
     });
     FitResult result = {std::vector<float>(call.targets.size() * kSignals),
                         std::vector<float>(call.targets.size())};
     ForEachOf(call.targets.size(), pool, [&](size_t t) {
-      result.totals[t] = AddModelsAt(static_cast<size_t>(call.targets[t]), &result.values[t * kSignals]);
+      result.totals[t] = SumModelsAt(static_cast<size_t>(call.targets[t]), &result.values[t * kSignals]);
     });
     return result;
+  }
+
+  /// What samples are compared by, number by number: a vector has several samples.
+  void ListNumbers(TaskPool* pool) {
+    numbers_.resize((kPaddedTraits + 2) * samples_.size() + kLikePadding);
+    ForEachOf(samples_.size(), pool, [&](size_t i) {
+      float* to = &numbers_[i];
+      for (const float trait : samples_[i].traits) *std::exchange(to, to + samples_.size()) = trait;
+      to[0] = samples_[i].x;
+      to[samples_.size()] = samples_[i].y;
+    });
   }
 
   template <typename Body>
@@ -143,9 +157,10 @@ class ModelGrid {
     });
   }
 
-  /// Adds the signals of the models around a sample to `sum`, which is 0. Returns their weight.
-  float AddModelsAt(size_t sample, float* sum) const {
+  /// Sums the signals of the models around a sample. Returns their weight.
+  float SumModelsAt(size_t sample, float* to) const {
     const Sample& at = samples_[sample];
+    std::array<float, kSignals> sum = {};
     float total = 0;
     const auto add = [&](const Model& model, const Sample& centre, float weight) {
       total += weight;
@@ -156,32 +171,30 @@ class ModelGrid {
       }
     };
     const auto add_model_of = [&](size_t i, float weight) {
+      if (model_of_[i] < 0) return;
       add(models_[static_cast<size_t>(model_of_[i])], samples_[i], weight);
     };
     const Rect window = WindowOf(at);
     for (int y = FirstModelFrom(window.y0); y < window.y1; y += kFitStep) {
-      for (int x = FirstModelFrom(window.x0); x < window.x1; x += kFitStep) {
-        for (size_t i = FirstOf(x, y); i < EndOf(x, y); ++i) {
-          if (model_of_[i] >= 0) IfSimilar(at, i, add_model_of);
-        }
-      }
+      ForEachLike(sample, FirstOf(window.x0, y), EndOf(window.x1 - 1, y), add_model_of);
     }
     if (model_of_[sample] < 0 && total < kMinModelWeight) {
-      if (const std::optional<Model> own = FitAt(at); own.has_value()) add(*own, at, kMinModelWeight - total);
+      if (const std::optional<Model> own = FitAt(sample); own.has_value())
+        add(*own, at, kMinModelWeight - total);
     }
+    std::copy(sum.begin(), sum.end(), to);
     return total;
   }
 
-  std::optional<Model> FitAt(const Sample& centre) const {
+  std::optional<Model> FitAt(size_t sample) const {
+    const Sample& centre = samples_[sample];
     LinearFit<kTerms, kSignals> fit(params_.slope);
     const auto add = [&](size_t i, float weight) {
-      fit.Add(samples_[i].fit, centre.fit, weight * samples_[i].weight);
+      if (samples_[i].weight > 0) fit.Add(samples_[i].fit, centre.fit, weight * samples_[i].weight);
     };
     const Rect window = WindowOf(centre);
     for (int y = window.y0; y < window.y1; ++y) {
-      for (size_t i = FirstOf(window.x0, y); i < EndOf(window.x1 - 1, y); ++i) {
-        if (samples_[i].weight > 0) IfSimilar(centre, i, add);
-      }
+      ForEachLike(sample, FirstOf(window.x0, y), EndOf(window.x1 - 1, y), add);
     }
     if (fit.IsEmpty()) return std::nullopt;
     return fit.Solve();
@@ -194,26 +207,19 @@ class ModelGrid {
 
   static int FirstModelFrom(int place) { return (place + kFitStep - 1) / kFitStep * kFitStep; }
 
-  /// Calls body(i, weight) if sample i, of the window around `centre`, has weight there. Weights are nearly
-  /// those of a normal curve, and fall to 0 without a step, so that rounding changes no sum by much.
+  /// Calls body(i, weight) for each of the samples [first, last) that has weight around sample `centre`.
   template <typename Body>
-  void IfSimilar(const Sample& centre, size_t i, const Body& body) const {
-    const float dx = samples_[i].x - centre.x;
-    const float dy = samples_[i].y - centre.y;
-    const float square = Falloff() * (dx * dx + dy * dy) + SquaredDistance(samples_[i], centre);
-    const float part = 1.0f - square / kMaxFitSquare;
-    if (part > 0) body(i, part * part * part);
-  }
-
-  static float SquaredDistance(const Sample& a, const Sample& b) {
-    std::array<float, kLanes> sums = {};
-    for (size_t j = 0; j < kPaddedTraits; j += kLanes) {
-      for (size_t k = 0; k < kLanes; ++k) {
-        const float difference = a.traits[j + k] - b.traits[j + k];
-        sums[k] += difference * difference;
+  void ForEachLike(size_t centre, size_t first, size_t last, const Body& body) const {
+    std::array<float, kMostLikenesses> weights;
+    for (; first < last; first += kMostLikenesses) {
+      const size_t count = std::min(last - first, kMostLikenesses);
+      LikenessOf(
+          {numbers_.data(), samples_.size(), kPaddedTraits, first, count, centre, Falloff(), kMaxFitSquare},
+          weights.data());
+      for (size_t i = 0; i < count; ++i) {
+        if (weights[i] > 0) body(first + i, weights[i]);
       }
     }
-    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
   }
 
   const RegressionParams params_;
@@ -221,6 +227,7 @@ class ModelGrid {
   const int radius_;
   std::vector<int32_t> first_;  // of each pixel, row by row; one more at the end
   std::vector<Sample> samples_;
+  std::vector<float> numbers_;     // LikeArgs::numbers
   std::vector<int32_t> model_of_;  // of each sample; -1: it has none
   std::vector<Model> models_;
   std::vector<int32_t> target_of_;  // of each sample: its number among those of fitted pixels; -1: of others

@@ -1,6 +1,7 @@
 #include "filter/denoise/layer_stages.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "absl/types/span.h"
@@ -21,6 +22,13 @@ struct Half {
 
 const Planes& HalfOf(const Candidate& picture, size_t h) { return h == 0 ? picture.a : picture.b; }
 const Plane& WeightOf(const Halves& halves, size_t h) { return h == 0 ? halves.weight_a : halves.weight_b; }
+
+bool HasBothHalves(const LayerState& state) { return state.halves.has_noise_estimate; }
+bool HasOneHalf(const LayerState& state) { return !state.halves.has_noise_estimate; }
+bool HasCandidates(const LayerState& state) { return !state.candidates.empty(); }
+bool HasMixedPixels(const LayerState& state) {
+  return HasCandidates(state) && !state.halves.is_difference && state.halves.is_mixed.width() > 0;
+}
 
 /// The fragments as points of the manifolds, with `light` as signals.
 SlicePoints PointsOf(const LayerFragments& fragments, float mixed_range, size_t h, std::vector<float> light) {
@@ -109,20 +117,26 @@ void RunFireflies(LayerState* state) {
   state->missing = TakeMissing(state->product, state->fragments, halves, state->pool, &state->removed);
 }
 
-/// Filters both halves, each guided by the other, with coordinates of patches of each scale: a candidate for
-/// each. With a base: what it leaves.
-std::vector<Candidate> FilterHalves(const LayerState& state, const JointGuides& guides,
-                                    const std::vector<float>& scales, const ManifoldParams& manifolds,
-                                    const Candidate* base) {
-  const std::array<SlicePoints, 2> inputs = {InputOf(state, 0, base), InputOf(state, 1, base)};
+/// Of half A with coordinates of patches of each scale, then of half B; each is guided by the other.
+std::vector<GuidedFiltering> FilteringsOf(const LayerState& state, const std::array<SlicePoints, 2>& inputs,
+                                          const JointGuides& guides, const std::vector<float>& scales,
+                                          const Candidate* base) {
   std::vector<GuidedFiltering> filterings;
   filterings.reserve(2 * scales.size());
   for (size_t h = 0; h < 2; ++h) {
     for (const float scale : scales)
       filterings.push_back(FilteringOf(state, h, inputs[h], base, guides, scale));
   }
-  std::vector<ManifoldResult> results =
-      FilterGuided(filterings, manifolds, state.settings.reach_px, state.pool);
+  return filterings;
+}
+
+/// Filters both halves: a candidate for each scale. With a base: what it leaves.
+std::vector<Candidate> FilterHalves(const LayerState& state, const JointGuides& guides,
+                                    const std::vector<float>& scales, const ManifoldParams& manifolds,
+                                    const Candidate* base) {
+  const std::array<SlicePoints, 2> inputs = {InputOf(state, 0, base), InputOf(state, 1, base)};
+  std::vector<ManifoldResult> results = FilterGuided(FilteringsOf(state, inputs, guides, scales, base),
+                                                     manifolds, state.settings.reach_px, state.pool);
   std::vector<Candidate> candidates;
   candidates.reserve(scales.size());
   for (size_t i = 0; i < scales.size(); ++i)
@@ -139,13 +153,61 @@ void RunFirstFiltering(LayerState* state) {
     for (const Plane& plane : *half) kept.push_back(plane.view());
   }
   for (const Plane* weight : {&halves.weight_a, &halves.weight_b}) kept.push_back(weight->view());
-  state->kept = std::make_unique<KeptPlanes>(std::move(kept), state->pool);
+  state->device.kept = std::make_unique<KeptPlanes>(std::move(kept), state->pool);
   Guide guide = MakeGuide(state->halves, state->halves.a, state->halves.b, settings.knee, state->pool);
   state->guide_noise = NoiseOfHalf(state->halves, guide, state->pool);
   const JointGuides guides =
       MakeJointGuides(std::move(guide), state->halves, settings.patches,
                       settings.range_factor * state->guide_noise, state->geometry, state->pool);
   state->candidates = FilterHalves(*state, guides, {1}, settings.first_manifolds, nullptr);
+}
+
+/// The noisy layer at the fragments: `light`, in the halves' unit.
+ChoicePoints PointsToCompare(const LayerState& state, std::array<std::vector<float>, 2> light) {
+  const LayerFragments& fragments = state.fragments;
+  ChoicePoints points{.places = fragments.places, .weights = {}, .samples = {}, .noisy = std::move(light)};
+  for (size_t i = 0; i < fragments.places.size(); ++i) {
+    const auto& [x, y] = fragments.places[i];
+    const bool has_both = fragments.share[0][i] > 0 && fragments.share[1][i] > 0;
+    const float covered = 0.5f * (fragments.coverage[0][i] + fragments.coverage[1][i]);
+    const float share = 0.5f * (fragments.share[0][i] + fragments.share[1][i]);
+    points.weights.push_back(has_both ? covered * covered : 0.0f);
+    points.samples.push_back(std::max(1.0f, share * state.halves.samples.At(x, y)));
+  }
+  return points;
+}
+
+/// The second filterings and the choice on the device of the pool, if it can. Sets the result.
+bool RefineOnDevice(const JointGuides& guides, const std::vector<float>& scales, LayerState* state) {
+  ManifoldDevice* const device = DeviceOf(state->pool);
+  if (device == nullptr) return false;
+  const Halves& halves = state->halves;
+  const Candidate& first = state->candidates.front();
+  const LayerFragments& fragments = state->fragments;
+  const std::array<SlicePoints, 2> inputs = {InputOf(*state, 0, &first), InputOf(*state, 1, &first)};
+  const std::vector<GuidedFiltering> filterings = FilteringsOf(*state, inputs, guides, scales, &first);
+  const std::vector<ManifoldCall> calls =
+      CallsOf(filterings, state->settings.twicing_manifolds, state->settings.reach_px);
+  const ChoicePoints points = PointsToCompare(*state, {});
+  std::optional<RefinedHalves> refined =
+      device->Refine({.filterings = calls,
+                      .choice = state->settings.choice,
+                      .level = halves.level,
+                      .weight = halves.weight.view(),
+                      .samples = halves.samples.view(),
+                      .light = halves.picture_light.view(),
+                      .expected = halves.expected_difference.view(),
+                      .mixed = halves.is_mixed.view(),
+                      .noisy = {fragments.light[0], fragments.light[1]},
+                      .base = {first.points[0], first.points[1]},
+                      .coverage = {fragments.coverage[0], fragments.coverage[1]},
+                      .point_weights = points.weights,
+                      .point_samples = points.samples});
+  if (!refined.has_value()) return false;
+  auto& [a, b] = *refined;
+  state->result = Pair({std::move(a.filtered), std::move(a.points.values)},
+                       {std::move(b.filtered), std::move(b.points.values)});
+  return true;
 }
 
 void RunSecondFilterings(LayerState* state) {
@@ -158,6 +220,7 @@ void RunSecondFilterings(LayerState* state) {
   std::vector<float> scales;
   scales.reserve(settings.twicing_ranges.size());
   for (const float range : settings.twicing_ranges) scales.push_back(widest / range);
+  if (state->device.may_choose && RefineOnDevice(guides, scales, state)) return;
   for (Candidate& candidate : FilterHalves(*state, guides, scales, settings.twicing_manifolds, &first))
     state->candidates.push_back(std::move(candidate));
 }
@@ -211,21 +274,6 @@ void ShareEnergy(LayerState* state) {
   AddEnergy(*state, &state->result);
 }
 
-/// The noisy layer at the fragments: `light`, in the halves' unit.
-ChoicePoints PointsToCompare(const LayerState& state, std::array<std::vector<float>, 2> light) {
-  const LayerFragments& fragments = state.fragments;
-  ChoicePoints points{.places = fragments.places, .weights = {}, .samples = {}, .noisy = std::move(light)};
-  for (size_t i = 0; i < fragments.places.size(); ++i) {
-    const auto& [x, y] = fragments.places[i];
-    const bool has_both = fragments.share[0][i] > 0 && fragments.share[1][i] > 0;
-    const float covered = 0.5f * (fragments.coverage[0][i] + fragments.coverage[1][i]);
-    const float share = 0.5f * (fragments.share[0][i] + fragments.share[1][i]);
-    points.weights.push_back(has_both ? covered * covered : 0.0f);
-    points.samples.push_back(std::max(1.0f, share * state.halves.samples.At(x, y)));
-  }
-  return points;
-}
-
 /// Moves the result towards each candidate.
 void MoveTowardsAll(absl::Span<const Candidate> candidates, LayerState* state) {
   const ChoicePoints points = PointsToCompare(*state, state->fragments.light);
@@ -236,6 +284,7 @@ void MoveTowardsAll(absl::Span<const Candidate> candidates, LayerState* state) {
 }
 
 void RunChoice(LayerState* state) {
+  if (!state->result.a.empty()) return;  // the device has chosen
   state->result = std::move(state->candidates.front());
   MoveTowardsAll(absl::MakeSpan(state->candidates).subspan(1), state);
 }
@@ -261,7 +310,7 @@ void RunNoisyChoice(LayerState* state) {
   AddEnergy(*state, &state->result);
   Candidate noisy = Noisy(*state);
   AddEnergy(*state, &noisy);
-  state->kept = nullptr;  // no filtering follows, and the halves change
+  state->device.kept = nullptr;  // no filtering follows, and the halves change
   if (!state->removed[0].empty()) {
     AddPlanes(state->removed[0], state->pool, absl::MakeSpan(state->halves.a));
     AddPlanes(state->removed[1], state->pool, absl::MakeSpan(state->halves.b));
@@ -307,13 +356,6 @@ void RunSingleFiltering(LayerState* state) {
   state->result = Pair(std::move(half), std::move(same));
 }
 
-bool HasBothHalves(const LayerState& state) { return state.halves.has_noise_estimate; }
-bool HasOneHalf(const LayerState& state) { return !state.halves.has_noise_estimate; }
-bool HasCandidates(const LayerState& state) { return !state.candidates.empty(); }
-bool HasMixedPixels(const LayerState& state) {
-  return HasCandidates(state) && !state.halves.is_difference && state.halves.is_mixed.width() > 0;
-}
-
 constexpr char kChoiceSource[] = "Rousselle et al. 2012; Breiman 1996";
 constexpr char kManifoldSource[] = "Gastal & Oliveira 2012; Gruzdev et al. 2015";
 
@@ -334,7 +376,7 @@ LayerState Open(const LayerSettings& settings, const Product& product, Halves ha
                    .firefly_energy = {},
                    .result = {},
                    .returned = {},
-                   .kept = nullptr};
+                   .device = {}};
   UseFragments(&state.fragments, &state.halves);
   return state;
 }
@@ -464,6 +506,7 @@ FilteredLayer RunLayer(const std::vector<LayerStage>& stages, const LayerSetting
   }
   const float scale = halves.scale;
   LayerState state = Open(settings, product, std::move(halves), std::move(fragments), pool);
+  state.device.may_choose = !IsOff(off, "choice");
   for (const LayerStage& stage : stages) {
     if (IsOff(off, stage.info.name) || !stage.is_on(state)) continue;
     stage.run(&state);

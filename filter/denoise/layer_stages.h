@@ -15,6 +15,12 @@
 
 namespace lumifold::filter {
 
+/// What the device of the pool, if it has one, does of a layer.
+struct DeviceWork {
+  std::unique_ptr<KeptPlanes> kept;  // halves, weights and geometry, from filtering to filtering
+  bool may_choose = true;  // the choice is not switched off: it follows the second filterings in one call
+};
+
 /// One layer of light on its way through the stages. Each stage reads what the ones before it wrote.
 struct LayerState {
   const LayerSettings& settings;
@@ -30,8 +36,8 @@ struct LayerState {
   std::vector<Candidate> candidates;
   std::array<Planes, 2> firefly_energy;  // of each half, 3: what was removed, spread; empty: nothing
   Candidate result;
-  Planes returned;                   // FilteredLayer::returned, in the halves' unit
-  std::unique_ptr<KeptPlanes> kept;  // halves, weights and geometry, from filtering to filtering
+  Planes returned;  // FilteredLayer::returned, in the halves' unit
+  DeviceWork device;
 };
 
 struct LayerStage {

@@ -12,9 +12,6 @@
 namespace lumifold::filter {
 namespace {
 
-constexpr float kMixedKind = 1;
-constexpr float kPointKind = 2;
-constexpr size_t kMostKinds = 3;
 /// Terms that are summed: numerator n and denominator d of t, n^2, n d, d^2, and d times the relative
 /// variance of a half.
 constexpr size_t kTerms = 6;
@@ -33,7 +30,6 @@ using MeanTerms = std::array<float, kTerms>;
 /// full over windows wider than what looks alike.
 template <bool by_pixel>
 float VarianceOf(float t, const MeanTerms& mean, float cells) {
-  constexpr float kMostLeverage = 0.99f;
   const float residuals = std::max(0.0f, mean[2] - t * (2 * mean[3] - t * mean[4]));
   const float squared = mean[1] * mean[1] * cells;
   const float chance = by_pixel ? std::min(1.0f, std::sqrt(mean[5] / mean[1])) : 1.0f;

@@ -7,6 +7,7 @@
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/layers/halves.h"
+#include "filter/manifold/refine_call.h"
 
 namespace lumifold::filter {
 
@@ -24,20 +25,6 @@ struct ChoicePoints {
   std::vector<float> samples;               // of both halves
   std::array<std::vector<float>, 2> noisy;  // 3 of each point, by half
 };
-
-struct ChoiceParams {
-  /// Windows in which pictures are compared, from the widest to the narrowest: radii in pixels, of the two
-  /// wide ones in multiples of kChoiceCell.
-  int widest_radius = 48;
-  int wide_radius = 12;
-  int narrow_radius = 3;
-  int blend_radius = 4;    // px: window over which shares are smoothed
-  float significance = 9;  // squared standard errors by which a share must differ before it counts
-  float dim = 0.3f;        // light over the mean below which errors count alike: ErrorWeight()
-};
-
-/// Side in pixels of the cells that wide windows are summed over.
-inline constexpr int kChoiceCell = 4;
 
 /// Chooses between pictures of one noisy picture N by its halves. One object serves all comparisons of a
 /// picture.

@@ -6,7 +6,6 @@
 
 #include "filter/image/portable_math.h"
 #include "filter/layers/features.h"
-#include "filter/manifold/manifold_device.h"
 
 namespace lumifold::filter {
 namespace {
@@ -28,15 +27,10 @@ std::optional<std::vector<ManifoldResult>> FilterOnDevice(absl::Span<const Guide
                                                           TaskPool* pool) {
   ManifoldDevice* const device = DeviceOf(pool);
   if (device == nullptr) return std::nullopt;
-  std::vector<ManifoldCall> calls;
   for (const GuidedFiltering& filtering : filterings) {
     if (filtering.mask.width() == 0 || filtering.mask.height() == 0) return std::nullopt;
-    calls.push_back({ViewsOf(filtering.signals),
-                     filtering.base != nullptr ? ViewsOf(*filtering.base) : PlaneViews{},
-                     ProjectionOf(filtering), ViewsOf(filtering.guide.geometry), filtering.mask, params,
-                     reach, filtering.points});
   }
-  return device->Filter(calls);
+  return device->Filter(CallsOf(filterings, params, reach));
 }
 
 /// Multiplies the coordinates of patches, which come before the geometry.
@@ -85,6 +79,18 @@ Planes JointFeatures(const JointGuide& guide, TaskPool* pool) {
   Planes features = ProjectPatches(guide.color, guide.basis, pool);
   for (const Plane& plane : guide.geometry) features.push_back(plane.Clone());
   return features;
+}
+
+std::vector<ManifoldCall> CallsOf(absl::Span<const GuidedFiltering> filterings, const ManifoldParams& params,
+                                  float reach) {
+  std::vector<ManifoldCall> calls;
+  for (const GuidedFiltering& filtering : filterings) {
+    calls.push_back({ViewsOf(filtering.signals),
+                     filtering.base != nullptr ? ViewsOf(*filtering.base) : PlaneViews{},
+                     ProjectionOf(filtering), ViewsOf(filtering.guide.geometry), filtering.mask, params,
+                     reach, filtering.points});
+  }
+  return calls;
 }
 
 std::vector<ManifoldResult> FilterGuided(absl::Span<const GuidedFiltering> filterings,

@@ -7,6 +7,7 @@
 #include "filter/image/planes.h"
 #include "filter/layers/halves.h"
 #include "filter/layers/nlm_space.h"
+#include "filter/manifold/manifold_device.h"
 #include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {
@@ -66,6 +67,10 @@ struct GuidedFiltering {
   ConstFloatView mask;
   const SlicePoints* points;  // may be null
 };
+
+/// The filterings for a device, which refer to them.
+std::vector<ManifoldCall> CallsOf(absl::Span<const GuidedFiltering> filterings, const ManifoldParams& params,
+                                  float reach);
 
 /// ManifoldFilterAtPoints for each; the device of the pool, if it has one, does all together. Those of one
 /// guide come one after another, those of scale 1 first.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,6 +11,7 @@
 #include "filter/image/planes.h"
 #include "filter/manifold/fit_call.h"
 #include "filter/manifold/manifold_filter.h"
+#include "filter/manifold/refine_call.h"
 
 namespace lumifold::filter {
 
@@ -42,8 +44,12 @@ struct ManifoldCall {
   size_t FeatureCount() const { return static_cast<size_t>(patches.dimensions) + features.size(); }
 };
 
-/// A processor beside this machine's own. ManifoldFilterAtPoints, FilterGuided (filter/layers/guide.h) and
-/// ModelGrid use the one that their pool has. nullopt: the device cannot, and the processor does it.
+/// Both halves of a layer, without weights of points.
+using RefinedHalves = std::array<ManifoldResult, 2>;
+
+/// A processor beside this machine's own. ManifoldFilterAtPoints, FilterGuided (filter/layers/guide.h),
+/// ModelGrid and the stages of layers use the one that their pool has. nullopt: the device cannot, and the
+/// processor does it.
 /// Threads: safe concurrently.
 class ManifoldDevice {
  public:
@@ -56,6 +62,7 @@ class ManifoldDevice {
   /// to the device once.
   virtual std::optional<std::vector<ManifoldResult>> Filter(absl::Span<const ManifoldCall> calls) = 0;
   virtual std::optional<FitResult> Fit(const FitCall& call) = 0;
+  virtual std::optional<RefinedHalves> Refine(const RefineCall& call) = 0;
 
   /// These planes stay where and as they are until Forget(): calls may send them once.
   virtual void Keep(absl::Span<const ConstFloatView> planes) = 0;

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <functional>
 #include <map>
 #include <type_traits>
 #include <utility>
@@ -14,12 +15,15 @@
 #include "filter/image/mix_bits.h"
 #include "filter/kernels/kernel_constants.h"
 #include "filter/manifold/manifold_constants.h"
+#include "filter/manifold/refine_call.h"
+#include "filter/opencl/choice_source.h"
 #include "filter/opencl/covariance_source.h"
 #include "filter/opencl/fit_source.h"
 #include "filter/opencl/manifold_source.h"
 #include "filter/opencl/opencl_library.h"
 #include "filter/opencl/probe_source.h"
 #include "filter/opencl/projection_source.h"
+#include "filter/opencl/shared_source.h"
 
 namespace lumifold::filter {
 namespace {
@@ -92,7 +96,7 @@ void Define(std::initializer_list<std::pair<const char*, float>> constants, std:
 
 ProgramText TextOf(const KernelOptions& options, bool has_doubles) {
   ProgramText text = {
-      {kProbeKernels, kManifoldKernels, kCovarianceKernels, kProjectionKernels},
+      {kProbeKernels, kSharedKernels, kManifoldKernels, kCovarianceKernels, kProjectionKernels},
       absl::StrFormat("-DFEATURES=%d -DCHANNELS=%d -DFITS=%d -DSTEP=%d -DMOST_FEATURES=%d -DMOST_PLANES=%d "
                       "-DMOST_STEP=%d -DDOUBLES=%d -DkLeastSpread=0x%xUL",
                       options.features, options.channels, options.fits ? 1 : 0, options.step,
@@ -125,14 +129,35 @@ ProgramText TextOf(const FitShape& shape, bool) {
   return text;
 }
 
+ProgramText TextOf(const ChoiceProgram&, bool) {
+  ProgramText text = {{kProbeKernels, kSharedKernels, kChoiceKernels},
+                      absl::StrFormat("-DkChoiceCell=%d -DkMixedKind=%d -DkPointKind=%d -DkMostKinds=%d",
+                                      kChoiceCell, kMixedKind, kPointKind, kMostKinds)};
+  Define({{"kMostLeverage", kMostLeverage}}, &text.options);
+  return text;
+}
+
+/// Finds or builds a program.
+using FindProgram = std::function<absl::StatusOr<cl_program>(const ProgramOptions&)>;
+
 class OpenClRun final : public KernelRun {
  public:
-  OpenClRun(const OpenClLibrary& cl, cl_context context, cl_command_queue queue, cl_program program)
-      : cl_(cl), context_(context), queue_(queue), program_(program) {}
+  OpenClRun(const OpenClLibrary& cl, cl_context context, cl_command_queue queue, FindProgram find)
+      : cl_(cl), context_(context), queue_(queue), find_(std::move(find)) {}
   ~OpenClRun() override {
     for (cl_mem memory : buffers_) {
       if (memory != nullptr) cl_.clReleaseMemObject(memory);
     }
+  }
+
+  void Use(const ProgramOptions& options) override {
+    if (!status_.ok()) return;
+    const absl::StatusOr<cl_program> program = find_(options);
+    if (program.ok()) program_ = *program;
+    // Less memory for the work makes no program: that is a failure, not kResourceExhausted.
+    status_.Update(absl::IsResourceExhausted(program.status())
+                       ? absl::InternalError(program.status().message())
+                       : program.status());
   }
 
   Buffer Allocate(size_t bytes) override {
@@ -213,7 +238,8 @@ class OpenClRun final : public KernelRun {
   const OpenClLibrary& cl_;
   const cl_context context_;
   const cl_command_queue queue_;
-  const cl_program program_;
+  const FindProgram find_;
+  cl_program program_ = nullptr;
   std::vector<cl_mem> buffers_;
   absl::Status status_;
 };
@@ -279,21 +305,28 @@ class OpenClDevice final : public Device {
             NumberOf<cl_ulong>(cl_, device_, CL_DEVICE_MAX_MEM_ALLOC_SIZE)};
   }
 
-  absl::StatusOr<std::unique_ptr<KernelRun>> Begin(const ProgramOptions& options) override {
+  std::unique_ptr<KernelRun> Begin() override {
+    return std::make_unique<OpenClRun>(cl_, context_.get(), queue_.get(),
+                                       [this](const ProgramOptions& options) { return Find(options); });
+  }
+
+ private:
+  absl::StatusOr<cl_program> Find(const ProgramOptions& options) {
     auto found = programs_.find(options);
     if (found == programs_.end()) {
       const ProgramText text = std::visit([&](const auto& of) { return TextOf(of, has_doubles_); }, options);
       absl::StatusOr<Held<cl_program>> program = Build(text);
       if (!program.ok()) return program.status();
-      OpenClRun probe(cl_, context_.get(), queue_.get(), program->get());
+      OpenClRun probe(cl_, context_.get(), queue_.get(),
+                      [&](const ProgramOptions&) { return program->get(); });
+      probe.Use(options);
       absl::Status status = has_own_bits_ ? CheckBits(text.has_reals, &probe) : absl::OkStatus();
       if (!status.ok()) return status;
       found = programs_.emplace(options, *std::move(program)).first;
     }
-    return std::make_unique<OpenClRun>(cl_, context_.get(), queue_.get(), found->second.get());
+    return found->second.get();
   }
 
- private:
   absl::StatusOr<Held<cl_program>> Build(const ProgramText& text) const {
     std::vector<const char*> sources = text.sources;
     const std::string options = absl::StrCat(

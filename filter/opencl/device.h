@@ -35,11 +35,10 @@ class Device {
   /// What the driver says; others may use of it.
   virtual DeviceMemory Memory() const = 0;
 
-  /// Builds the kernels, unless it has, and checks that they give this processor's bits, unless others are
-  /// allowed.
-  /// Errors: kFailedPrecondition: they do not; kInternal with the compiler's words.
-  /// The device must outlive the run.
-  virtual absl::StatusOr<std::unique_ptr<KernelRun>> Begin(const ProgramOptions& options) = 0;
+  /// A run, which the device must outlive. It builds the programs that it uses, unless the device has them,
+  /// and checks that they give this processor's bits, unless others are allowed.
+  /// Errors of a program: kFailedPrecondition: it does not; kInternal with the compiler's words.
+  virtual std::unique_ptr<KernelRun> Begin() = 0;
 };
 
 /// Opens device `number` of ListDevices(). With `allows_other_bits` the kernels of a device that has other

@@ -15,6 +15,7 @@
 #include "filter/opencl/device.h"
 #include "filter/opencl/fit_run.h"
 #include "filter/opencl/manifold_run.h"
+#include "filter/opencl/refine_run.h"
 
 namespace lumifold::filter {
 namespace {
@@ -34,16 +35,17 @@ class FilterDevice final : public ManifoldDevice {
   std::string OtherBits() const override { return other_bits_; }
 
   std::optional<std::vector<ManifoldResult>> Filter(absl::Span<const ManifoldCall> calls) override {
-    return Do(calls, KernelsOf(calls.front()), RunManifolds);
+    return Do(calls, RunManifolds);
   }
-  std::optional<FitResult> Fit(const FitCall& call) override { return Do(call, call.shape, RunFit); }
+  std::optional<FitResult> Fit(const FitCall& call) override { return Do(call, RunFit); }
+  std::optional<RefinedHalves> Refine(const RefineCall& call) override { return Do(call, RunRefinement); }
   void Keep(absl::Span<const ConstFloatView>) override {}
   void Forget(absl::Span<const ConstFloatView>) override {}
 
  private:
-  /// Work by kernels of a program in the memory that can be had.
+  /// Work by kernels in the memory that can be had.
   template <typename Call, typename Parameter, typename Result>
-  std::optional<Result> Do(const Call& call, const ProgramOptions& options,
+  std::optional<Result> Do(const Call& call,
                            absl::StatusOr<Result> (*work)(Parameter, const DeviceMemory&, KernelRun*)) {
     const DeviceMemory least = LeastMemory(call);
     const std::lock_guard lock(mutex_);
@@ -52,19 +54,14 @@ class FilterDevice final : public ManifoldDevice {
         Leave(least);
         return std::nullopt;
       }
-      const absl::StatusOr<std::unique_ptr<KernelRun>> run = device_->Begin(options);
-      absl::Status status = run.status();
-      if (run.ok()) {
-        absl::StatusOr<Result> result = work(call, memory_, run->get());
-        if (result.ok()) return *std::move(result);
-        status = result.status();
-      }
-      if (run.ok() && absl::IsResourceExhausted(status)) {
+      absl::StatusOr<Result> result = work(call, memory_, device_->Begin().get());
+      if (result.ok()) return *std::move(result);
+      if (absl::IsResourceExhausted(result.status())) {
         memory_.whole = TakenMemory(call, memory_).whole / 4 * 3;  // others use the rest
         continue;
       }
       has_failed_ = true;
-      warn_(true, std::string(status.message()));
+      warn_(true, std::string(result.status().message()));
     }
     return std::nullopt;
   }

@@ -156,6 +156,7 @@ DeviceMemory TakenMemory(const FitCall& call, const DeviceMemory& memory) {
 }
 
 absl::StatusOr<FitResult> RunFit(const FitCall& call, const DeviceMemory& memory, KernelRun* run) {
+  run->Use(call.shape);
   return FitRun(call, memory, run).Run();
 }
 

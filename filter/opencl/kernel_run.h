@@ -23,8 +23,13 @@ struct KernelOptions {
   auto operator<=>(const KernelOptions&) const = default;
 };
 
-/// What a program is made for: the manifolds, or fit.cl.
-using ProgramOptions = std::variant<KernelOptions, FitShape>;
+/// The program of choice.cl.
+struct ChoiceProgram {
+  auto operator<=>(const ChoiceProgram&) const = default;
+};
+
+/// What a program is made for: the manifolds, fit.cl, or choice.cl.
+using ProgramOptions = std::variant<KernelOptions, FitShape, ChoiceProgram>;
 
 /// As fit.cl has it.
 struct FitWindow {
@@ -33,7 +38,7 @@ struct FitWindow {
   float falloff;
 };
 
-/// As manifold.cl has it.
+/// As shared.cl has it.
 struct Grid {
   int32_t width, height;
   int32_t columns, rows;
@@ -57,6 +62,8 @@ class KernelRun {
 
   virtual ~KernelRun() = default;
 
+  /// The kernels that follow are those of this program.
+  virtual void Use(const ProgramOptions& program) = 0;
   /// Memory of any value; `bytes` may be 0.
   virtual Buffer Allocate(size_t bytes) = 0;
   /// Frees memory once the work that was given before has ended.
@@ -68,7 +75,8 @@ class KernelRun {
   /// Runs `items` work-items of a kernel.
   virtual void Run(const char* kernel, size_t items, std::initializer_list<Argument> arguments) = 0;
   /// Waits for all work.
-  /// Errors: the first of all calls: kResourceExhausted for memory, others of the device, naming the call.
+  /// Errors: the first of all calls: kResourceExhausted for memory, others of the device, naming the call, or
+  /// of a program.
   virtual absl::Status Finish() = 0;
   /// After Finish().
   virtual absl::Status Read(Buffer from, size_t offset, size_t bytes, void* to) = 0;

@@ -6,14 +6,10 @@
 // DOUBLES (1: the device has double precision), for covariance.cl, which follows in the program; and for arrays MOST_FEATURES,
 // MOST_PLANES and MOST_STEP, the greatest numbers.
 //
-// Sites are the pixels, row by row, and then the points of SlicePoints.
-// Layouts: planes of sites one after another; of cells, all planes of a cell side by side, manifold by manifold. Work-items are
-// numbered along one dimension; those beyond the last do nothing. No sum crosses work-items.
-#ifdef __OPENCL_VERSION__
-#pragma OPENCL FP_CONTRACT OFF
-#if DOUBLES
+// It follows shared.cl, which says what sites are. Layouts: planes of sites one after another; of cells, all planes of a cell side by
+// side, manifold by manifold. No sum crosses work-items.
+#if defined(__OPENCL_VERSION__) && DOUBLES
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
-#endif
 #endif
 
 #define SIGNALS (CHANNELS + 2 * FITS)          // that are splatted: with x and y where planes are fitted
@@ -22,21 +18,11 @@
 #define PAIRS (FEATURES * (FEATURES + 1) / 2)  // entries of a symmetric matrix: its lower triangle
 #define ENTRIES (PAIRS + 1)                    // and the weight
 
-typedef struct {
-  int width, height;  // pixels
-  int columns, rows;  // cells
-  int points;
-} Grid;
-
 // A place between the centres of four cells, as a pixel has it.
 typedef struct {
   int left, right, upper, lower;
   float across, down;
 } Place;
-
-size_t PixelsOf(Grid grid) { return (size_t)grid.width * (size_t)grid.height; }
-size_t SitesOf(Grid grid) { return PixelsOf(grid) + (size_t)grid.points; }
-size_t CellsOf(Grid grid) { return (size_t)grid.columns * (size_t)grid.rows; }
 
 // Exp of filter/image/portable_math.h for x <= 88.
 float Exp(float x) {
@@ -56,9 +42,6 @@ float Exp(float x) {
   return x < -87.0f ? 0.0f : mantissa * as_float((exponent + 127) << 23);
 }
 
-float Least(float a, float b) { return b < a ? b : a; }
-float Greatest(float a, float b) { return a < b ? b : a; }
-
 Place PlaceOf(int x, int y, Grid grid) {
   Place at;
   if (STEP == 1) {
@@ -77,14 +60,6 @@ Place PlaceOf(int x, int y, Grid grid) {
   at.upper = row < 0 ? 0 : row;
   at.lower = row + 1 < grid.rows ? row + 1 : grid.rows - 1;
   return at;
-}
-
-// x and y of a site. `places`: x, y of each point's pixel.
-int XOf(size_t site, Grid grid, __global const int* places) {
-  return site < PixelsOf(grid) ? (int)(site % grid.width) : places[2 * (site - PixelsOf(grid))];
-}
-int YOf(size_t site, Grid grid, __global const int* places) {
-  return site < PixelsOf(grid) ? (int)(site / grid.width) : places[2 * (site - PixelsOf(grid)) + 1];
 }
 
 // Plane k of the cells, each of `planes`, at a place.

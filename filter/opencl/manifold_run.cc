@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "filter/image/check.h"
 #include "filter/image/portable_math.h"
 #include "filter/kernels/kernel_constants.h"
 #include "filter/manifold/manifold_constants.h"
@@ -31,7 +30,7 @@ class ManifoldRun {
     for (const Buffer buffer : own_) run_.Release(buffer);
   }
 
-  absl::StatusOr<ManifoldResult> Run() {
+  absl::StatusOr<FilteredSites> Run() {
     UploadFeatures();
     // What is released counts until its work has ended.
     if (absl::Status status = run_.Finish(); !status.ok()) return status;
@@ -41,7 +40,7 @@ class ManifoldRun {
     WeighSites();
     SplatBlurSlice();
     if (absl::Status status = run_.Finish(); !status.ok()) return status;
-    return Results();
+    return FilteredSites{blurred_.planes, signals_, blurred_.found};
   }
 
  private:
@@ -120,7 +119,6 @@ class ManifoldRun {
   PointOrder OrderPoints();
   void SplatBlurSlice();
   void Blur(int32_t count, int32_t first);
-  absl::StatusOr<ManifoldResult> Results();
 
   const ManifoldCall& call_;
   KernelRun& run_;
@@ -318,42 +316,48 @@ void ManifoldRun::SplatBlurSlice() {
   }
 }
 
-absl::StatusOr<ManifoldResult> ManifoldRun::Results() {
-  const size_t channels = call_.signals.size();
-  const auto width = static_cast<size_t>(sizes_.grid.width);
-  ManifoldResult result{MakeUninitializedPlanes(channels, sizes_.grid.width, sizes_.grid.height), {}};
-  const size_t count = Points().pixels.size();
-  result.points = {std::vector<float>(count * channels), std::vector<float>(count)};
-  std::vector<float> values(sizes_.sites);
-  for (size_t c = 0; c < channels; ++c) {
-    const size_t bytes = sizes_.sites * sizeof(float);
-    if (absl::Status status = run_.Read(blurred_.planes, c * bytes, bytes, values.data()); !status.ok())
-      return status;
-    for (int y = 0; y < sizes_.grid.height; ++y)
-      std::copy_n(values.data() + static_cast<size_t>(y) * width, width, result.filtered[c].Row(y));
-    for (size_t i = 0; i < count; ++i) result.points.values[i * channels + c] = values[sizes_.pixels + i];
-  }
-  if (absl::Status status = run_.Read(blurred_.found, 0, count * sizeof(float), result.points.weights.data());
-      !status.ok())
-    return status;
+absl::StatusOr<ManifoldResult> ResultOf(const ManifoldCall& call, const FilteredSites& sites,
+                                        KernelRun* run) {
+  const size_t points = call.points != nullptr ? call.points->pixels.size() : 0;
+  absl::StatusOr<ManifoldResult> result =
+      ReadSites({call.mask.width(), call.mask.height(), points, call.signals.size()}, sites.planes, 0, run);
+  if (!result.ok()) return result;
+  result->points.weights.resize(points);
+  absl::Status status = run->Read(sites.found, 0, points * sizeof(float), result->points.weights.data());
+  if (!status.ok()) return status;
   return result;
 }
-
-/// How calls use the device's memory.
-struct CallsPlan {
-  bool planes_stay = false;
-  DeviceMemory of_calls;  // what is left to each
-  DeviceMemory taken = {0, 0};
-};
 
 void Extend(const DeviceMemory& need, DeviceMemory* all) {
   *all = {std::max(all->whole, need.whole), std::max(all->largest, need.largest)};
 }
 
-CallsPlan PlanOf(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory) {
+}  // namespace
+
+absl::StatusOr<ManifoldResult> ReadSites(const SiteCounts& counts, Buffer from, size_t first,
+                                         KernelRun* run) {
+  const auto width = static_cast<size_t>(counts.width);
+  const size_t pixels = width * static_cast<size_t>(counts.height);
+  ManifoldResult result{MakeUninitializedPlanes(counts.planes, counts.width, counts.height), {}};
+  result.points.values.resize(counts.points * counts.planes);
+  std::vector<float> values(pixels + counts.points);
+  const size_t bytes = values.size() * sizeof(float);
+  for (size_t c = 0; c < counts.planes; ++c) {
+    if (absl::Status status = run->Read(from, (first + c) * bytes, bytes, values.data()); !status.ok())
+      return status;
+    for (int y = 0; y < counts.height; ++y)
+      std::copy_n(values.data() + static_cast<size_t>(y) * width, width, result.filtered[c].Row(y));
+    for (size_t i = 0; i < counts.points; ++i)
+      result.points.values[i * counts.planes + c] = values[pixels + i];
+  }
+  return result;
+}
+
+CallsPlan PlanOf(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory,
+                 const DeviceMemory& after) {
   const ManifoldSizes first(calls.front());
   const uint64_t shared = SharedPlanes(calls) * first.pixels * sizeof(float);
-  DeviceMemory all = {0, 0};  // where no manifold waits for another
+  DeviceMemory all = after;  // where no manifold waits for another
   for (const ManifoldCall& call : calls) {
     const ManifoldSizes sizes(call);
     Extend(NeedOf({1 << (sizes.levels - 1), sizes.manifolds}, sizes), &all);
@@ -361,6 +365,7 @@ CallsPlan PlanOf(absl::Span<const ManifoldCall> calls, const DeviceMemory& memor
   CallsPlan plan = {.of_calls = memory};
   plan.planes_stay = memory.Holds({all.whole + shared, all.largest});
   if (plan.planes_stay) plan.of_calls.whole -= shared;
+  Extend(after, &plan.taken);
   for (const ManifoldCall& call : calls) {
     const ManifoldSizes sizes(call);
     Extend(NeedOf(PlanFor(plan.of_calls, sizes), sizes), &plan.taken);
@@ -368,8 +373,6 @@ CallsPlan PlanOf(absl::Span<const ManifoldCall> calls, const DeviceMemory& memor
   if (plan.planes_stay) plan.taken.whole += shared;
   return plan;
 }
-
-}  // namespace
 
 KernelOptions KernelsOf(const ManifoldCall& call) {
   return {static_cast<int>(call.FeatureCount()), static_cast<int>(call.signals.size()),
@@ -386,20 +389,33 @@ DeviceMemory LeastMemory(absl::Span<const ManifoldCall> calls) {
 }
 
 DeviceMemory TakenMemory(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory) {
-  return PlanOf(calls, memory).taken;
+  return PlanOf(calls, memory, {0, 0}).taken;
+}
+
+absl::Status RunEach(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory, DevicePlanes* planes,
+                     KernelRun* run, absl::FunctionRef<absl::Status(size_t, const FilteredSites&)> use) {
+  for (size_t i = 0; i < calls.size(); ++i) {
+    run->Use(KernelsOf(calls[i]));
+    ManifoldRun of_call(calls[i], memory, planes, run);
+    const absl::StatusOr<FilteredSites> sites = of_call.Run();
+    if (!sites.ok()) return sites.status();
+    if (absl::Status status = use(i, *sites); !status.ok()) return status;
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<std::vector<ManifoldResult>> RunManifolds(absl::Span<const ManifoldCall> calls,
                                                          const DeviceMemory& memory, KernelRun* run) {
-  const CallsPlan plan = PlanOf(calls, memory);
+  const CallsPlan plan = PlanOf(calls, memory, {0, 0});
   DevicePlanes planes(calls, plan.planes_stay, run);
   std::vector<ManifoldResult> results;
-  for (const ManifoldCall& call : calls) {
-    LUMIFOLD_CHECK(KernelsOf(call) == KernelsOf(calls.front()));
-    absl::StatusOr<ManifoldResult> result = ManifoldRun(call, plan.of_calls, &planes, run).Run();
-    if (!result.ok()) return result.status();
-    results.push_back(*std::move(result));
-  }
+  absl::Status status =
+      RunEach(calls, plan.of_calls, &planes, run, [&](size_t i, const FilteredSites& sites) {
+        absl::StatusOr<ManifoldResult> result = ResultOf(calls[i], sites, run);
+        if (result.ok()) results.push_back(*std::move(result));
+        return result.status();
+      });
+  if (!status.ok()) return status;
   return results;
 }
 

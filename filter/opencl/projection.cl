@@ -1,29 +1,5 @@
 // ProjectPatches (filter/layers/nlm_space.h), for a device and as C++. Follows manifold.cl in one program.
 
-// Asinh of filter/image/portable_math.h.
-float Asinh(float x) {
-  const float magnitude = fabs(x) < 1e18f ? fabs(x) : 1e18f;
-  const float t = magnitude + sqrt(1.0f + magnitude * magnitude);
-  const int bits = as_int(t);
-  const int exponent = (bits - 0x3f3504f3) >> 23;
-  const float f = as_float(bits - exponent * (1 << 23)) - 1.0f;
-  const float e = (float)exponent;
-  float p = 7.0376836292e-2f;
-  p = p * f - 1.1514610310e-1f;
-  p = p * f + 1.1676998740e-1f;
-  p = p * f - 1.2420140846e-1f;
-  p = p * f + 1.4249322787e-1f;
-  p = p * f - 1.6668057665e-1f;
-  p = p * f + 2.0000714765e-1f;
-  p = p * f - 2.4999993993e-1f;
-  p = p * f + 3.3333331174e-1f;
-  const float square = f * f;
-  const float logarithm = (f + ((p * f * square + e * -2.12194440e-4f) - 0.5f * square)) + e * 0.693359375f;
-  const float m2 = magnitude * magnitude;
-  const float series = magnitude * (1.0f - m2 * (1.0f / 6.0f - m2 * (3.0f / 40.0f - m2 * (15.0f / 336.0f))));
-  return copysign(magnitude < 0.125f ? series : logarithm, x);
-}
-
 // StabiliseRow of filter/kernels/row_kernels.h.
 __kernel void Stabilise(int count, float inverse_knee, float shift, __global float* values) {
   const size_t item = get_global_id(0);

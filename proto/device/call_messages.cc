@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <utility>
 #include <vector>
 
 #include "filter/image/planes.h"
 #include "filter/manifold/first_order.h"
+#include "proto/device/message_parts.h"
 
 namespace lumifold::device {
 namespace {
@@ -18,18 +18,13 @@ using filter::ManifoldCall;
 using filter::ManifoldResult;
 using filter::SlicePoints;
 
-// What a call may have at most: far above what our methods ask for, and such that products of these numbers
-// with sizes of values fit their types.
-constexpr int32_t kMostSide = 1 << 16;
-constexpr int64_t kMostPixels = int64_t{1} << 27;
-constexpr uint32_t kMostPlanes = 64;
+// Far above what our methods ask for; see message_parts.h.
 constexpr uint32_t kMostCalls = 16;
 constexpr uint32_t kMostKept = 256;
 constexpr uint64_t kMostKeptFloats = uint64_t{1} << 27;
 constexpr uint32_t kIsThere = uint32_t{1} << 31;  // beside the number of a plane
+constexpr uint32_t kNone = UINT32_MAX;            // in place of the number of a plane
 constexpr uint32_t kMostPoints = 1U << 27;
-constexpr uint32_t kMostSampleFloats = 1U << 28;  // 1536 x 1536 pixels with three samples each
-constexpr int32_t kMostRadius = 64;
 constexpr float kMostReach = 1 << 16;
 
 // Without padding: no byte of this process's memory goes with them. What all calls have in common:
@@ -38,21 +33,19 @@ struct ParamsHeader {
   int32_t levels, pca_iterations, cell;
   uint32_t keeps_mass, is_first_order;
 };
+struct PatchesHeader {
+  int32_t radius, dimensions;
+  float inverse_knee, shift;
+};
 struct Header {
   int32_t width, height;
   uint32_t planes, calls;  // planes that differ
   uint32_t forgotten;      // planes
+  uint32_t others;         // beside those of the calls; some may be empty
   uint32_t points;         // that differ
   uint32_t signals, bases, colors, features;
-  int32_t radius, dimensions;
-  float inverse_knee, shift;
+  PatchesHeader patches;
   ParamsHeader params;
-};
-struct FitHeader {
-  int32_t width, height, radius;
-  int32_t terms, signals, traits;
-  float falloff, slope;
-  uint32_t samples, targets;
 };
 struct PointsHeader {
   uint32_t count, own_features, has_signals;
@@ -64,13 +57,6 @@ struct PartHeader {
   uint32_t points;  // which of the message, from 1; 0: none
 };
 
-bool IsSize(int32_t width, int32_t height) {
-  const auto is_side = [](int32_t side) { return side >= 1 && side <= kMostSide; };
-  return is_side(width) && is_side(height) && int64_t{width} * height <= kMostPixels;
-}
-bool IsCount(uint32_t planes) { return planes >= 1 && planes <= kMostPlanes; }
-bool IsPositive(float value, float most) { return value > 0 && value <= most; }
-
 /// Planes of one call.
 uint32_t PlanesOf(const Header& header) {
   return header.signals + header.bases + header.colors + header.features + 1;
@@ -81,9 +67,10 @@ uint64_t FloatsOf(const ConstFloatView& plane) {
 }
 
 bool HasValidPatches(const Header& header) {
-  if (header.dimensions == 0) return header.colors <= kMostPlanes && header.features >= 1;
-  return header.dimensions > 0 && IsCount(static_cast<uint32_t>(header.dimensions) + header.features) &&
-         IsCount(header.colors) && header.radius >= 0 && header.radius <= kMostRadius;
+  if (header.patches.dimensions == 0) return header.colors <= kMostPlanes && header.features >= 1;
+  return header.patches.dimensions > 0 &&
+         IsCount(static_cast<uint32_t>(header.patches.dimensions) + header.features) &&
+         IsCount(header.colors) && header.patches.radius >= 0 && header.patches.radius <= kMostRadius;
 }
 
 bool IsValid(const ParamsHeader& params) {
@@ -98,10 +85,12 @@ bool IsValid(const Header& header) {
   if (!IsSize(header.width, header.height) || !IsCount(header.signals) || header.features > kMostPlanes)
     return false;
   if (header.calls < 1 || header.calls > kMostCalls || header.forgotten > kMostKept) return false;
+  if (header.others > kMostPlanes) return false;
   if (header.points > header.calls) return false;
   if (header.bases != 0 && header.bases != header.signals) return false;
-  if (!std::isfinite(header.inverse_knee) || !std::isfinite(header.shift)) return false;
-  if (!HasValidPatches(header) || header.planes > header.calls * PlanesOf(header)) return false;
+  if (!std::isfinite(header.patches.inverse_knee) || !std::isfinite(header.patches.shift)) return false;
+  if (!HasValidPatches(header) || header.planes > header.calls * PlanesOf(header) + header.others)
+    return false;
   return IsValid(header.params) && (header.params.is_first_order == 0 || header.signals == 3);
 }
 
@@ -110,79 +99,14 @@ bool IsValid(const PartHeader& part, const Header& header) {
 }
 
 bool IsValid(const PointsHeader& part, const Header& header) {
-  return part.own_features <= static_cast<uint32_t>(header.dimensions) + header.features &&
+  return part.own_features <= static_cast<uint32_t>(header.patches.dimensions) + header.features &&
          part.count <= kMostPoints / kMostPlanes && std::isfinite(part.pixel_divisor);
 }
 
 size_t TapsOf(const Header& header) {
-  if (header.dimensions == 0) return 0;
-  const size_t side = 2 * static_cast<size_t>(header.radius) + 1;
-  return size_t{header.colors} * static_cast<size_t>(header.dimensions) * side * side;
-}
-
-FitHeader HeaderOf(const filter::FitCall& call) {
-  const filter::FitShape& shape = call.shape;
-  return {call.width,
-          call.height,
-          call.radius,
-          shape.terms,
-          shape.signals,
-          shape.traits,
-          call.falloff,
-          call.slope,
-          static_cast<uint32_t>(call.Count()),
-          static_cast<uint32_t>(call.targets.size())};
-}
-
-filter::FitShape ShapeOf(const FitHeader& header) { return {header.terms, header.signals, header.traits}; }
-
-bool IsValid(const FitHeader& header) {
-  const auto is_count = [](int32_t count) { return count >= 1 && IsCount(static_cast<uint32_t>(count)); };
-  return IsSize(header.width, header.height) && header.radius >= 0 && header.radius <= kMostRadius &&
-         is_count(header.terms) && is_count(header.signals) && is_count(header.traits) &&
-         header.traits % 4 == 0 && std::isfinite(header.falloff) && std::isfinite(header.slope) &&
-         header.samples <= kMostSampleFloats / static_cast<uint32_t>(ShapeOf(header).Sample()) &&
-         header.targets <= header.samples;
-}
-
-/// Whether kernels stay within the lists of a call whose header is valid.
-bool HasValidLists(const filter::FitCall& call) {
-  const auto& firsts = call.firsts;
-  const auto is_number = [&](int32_t i) { return i >= 0 && static_cast<size_t>(i) < call.Count(); };
-  return firsts.front() == 0 && static_cast<size_t>(firsts.back()) == call.Count() &&
-         std::is_sorted(firsts.begin(), firsts.end()) &&
-         std::is_sorted(call.targets.begin(), call.targets.end(), std::less_equal<>()) &&
-         std::all_of(call.targets.begin(), call.targets.end(), is_number);
-}
-
-bool SendOperation(Operation operation, SocketStream* to) { return to->Write(&operation, sizeof(operation)); }
-
-template <typename T>
-bool SendList(absl::Span<const T> values, SocketStream* to) {
-  return to->Write(values.data(), values.size() * sizeof(T));
-}
-
-template <typename T>
-bool SendList(const std::vector<T>& values, SocketStream* to) {
-  return to->Write(values.data(), values.size() * sizeof(T));
-}
-
-template <typename T>
-bool ReceiveList(size_t count, SocketStream* from, std::vector<T>* values) {
-  values->resize(count);
-  return from->Read(values->data(), count * sizeof(T));
-}
-
-bool SendPlanes(const Planes& planes, SocketStream* to) {
-  bool works = true;
-  for (const Plane& plane : planes) works = works && to->WriteRows(plane.view());
-  return works;
-}
-
-bool ReceivePlanes(SocketStream* from, Planes* planes) {
-  bool works = true;
-  for (Plane& plane : *planes) works = works && from->ReadRows(plane.view());
-  return works;
+  if (header.patches.dimensions == 0) return 0;
+  const size_t side = 2 * static_cast<size_t>(header.patches.radius) + 1;
+  return size_t{header.colors} * static_cast<size_t>(header.patches.dimensions) * side * side;
 }
 
 /// All planes of a call, in the order of ReceivedCalls::Part::planes.
@@ -197,12 +121,15 @@ filter::PlaneViews PlanesOf(const ManifoldCall& call) {
 
 /// The planes of calls, each once, and their numbers; the first pixel tells a plane from others. And points.
 struct CallTable {
-  explicit CallTable(absl::Span<const ManifoldCall> calls) {
+  explicit CallTable(absl::Span<const ManifoldCall> calls, const filter::PlaneViews& others = {}) {
+    const auto add = [&](const ConstFloatView& plane) {
+      if (numbers.emplace(plane.Row(0), static_cast<uint32_t>(planes.size())).second) planes.push_back(plane);
+    };
+    for (const ConstFloatView& plane : others) {
+      if (!plane.IsEmpty()) add(plane);
+    }
     for (const ManifoldCall& call : calls) {
-      for (const ConstFloatView& plane : PlanesOf(call)) {
-        if (numbers.emplace(plane.Row(0), static_cast<uint32_t>(planes.size())).second)
-          planes.push_back(plane);
-      }
+      for (const ConstFloatView& plane : PlanesOf(call)) add(plane);
       if (call.points != nullptr && std::find(points.begin(), points.end(), call.points) == points.end())
         points.push_back(call.points);
     }
@@ -221,15 +148,16 @@ Header HeaderOf(absl::Span<const ManifoldCall> calls, const CallTable& table) {
           .planes = static_cast<uint32_t>(table.planes.size()),
           .calls = static_cast<uint32_t>(calls.size()),
           .forgotten = 0,
+          .others = 0,
           .points = static_cast<uint32_t>(table.points.size()),
           .signals = static_cast<uint32_t>(call.signals.size()),
           .bases = static_cast<uint32_t>(call.bases.size()),
           .colors = static_cast<uint32_t>(call.patches.color.size()),
           .features = static_cast<uint32_t>(call.features.size()),
-          .radius = call.patches.radius,
-          .dimensions = call.patches.dimensions,
-          .inverse_knee = call.patches.inverse_knee,
-          .shift = call.patches.shift,
+          .patches = {.radius = call.patches.radius,
+                      .dimensions = call.patches.dimensions,
+                      .inverse_knee = call.patches.inverse_knee,
+                      .shift = call.patches.shift},
           .params = {.sigma_s = params.sigma_s,
                      .slope_ridge = params.slope_ridge,
                      .reach = call.reach,
@@ -333,12 +261,19 @@ bool ReceivePlane(const Header& header, uint32_t word, KeptPlanesOfCaller* kept,
 }
 
 bool ReceivePlanes(const Header& header, KeptPlanesOfCaller* kept, SocketStream* from, ReceivedCalls* calls) {
-  std::vector<uint32_t> forgotten, words;
-  if (!ReceiveList(header.forgotten, from, &forgotten) || !ReceiveList(header.planes, from, &words))
+  std::vector<uint32_t> forgotten, words, others;
+  if (!ReceiveList(header.forgotten, from, &forgotten) || !ReceiveList(header.planes, from, &words) ||
+      !ReceiveList(header.others, from, &others))
     return false;
   for (const uint32_t number : forgotten) kept->erase(number);
-  return std::all_of(words.begin(), words.end(),
-                     [&](uint32_t word) { return ReceivePlane(header, word, kept, from, calls); });
+  if (!std::all_of(words.begin(), words.end(),
+                   [&](uint32_t word) { return ReceivePlane(header, word, kept, from, calls); }))
+    return false;
+  for (const uint32_t number : others) {
+    if (number != kNone && number >= header.planes) return false;
+    calls->others.push_back(number == kNone ? ConstFloatView{} : calls->views[number]);
+  }
+  return true;
 }
 
 bool ReceiveResult(const ManifoldCall& call, SocketStream* from, ManifoldResult* result) {
@@ -420,8 +355,17 @@ void SentPlanes::SetSent(absl::Span<const ConstFloatView> planes) {
 }
 
 bool SendCalls(absl::Span<const ManifoldCall> calls, SentPlanes* kept, SocketStream* to) {
-  const CallTable table(calls);
+  return SendOperation(Operation::kFilter, to) && SendCallsAnd({}, calls, kept, to);
+}
+
+bool SendCallsAnd(const filter::PlaneViews& others, absl::Span<const ManifoldCall> calls, SentPlanes* kept,
+                  SocketStream* to) {
+  const CallTable table(calls, others);
   Header header = HeaderOf(calls, table);
+  header.others = static_cast<uint32_t>(others.size());
+  std::vector<uint32_t> numbers;
+  for (const ConstFloatView& plane : others)
+    numbers.push_back(plane.IsEmpty() ? kNone : table.numbers.at(plane.Row(0)));
   const std::vector<uint32_t> forgotten = kept->TakeForgotten();
   header.forgotten = static_cast<uint32_t>(forgotten.size());
   std::vector<uint32_t> words;
@@ -434,8 +378,8 @@ bool SendCalls(absl::Span<const ManifoldCall> calls, SentPlanes* kept, SocketStr
     else
       sent.push_back(plane);
   }
-  bool works = SendOperation(Operation::kFilter, to) && to->Write(&header, sizeof(header)) &&
-               SendList(forgotten, to) && SendList(words, to);
+  bool works = to->Write(&header, sizeof(header)) && SendList(forgotten, to) && SendList(words, to) &&
+               SendList(numbers, to);
   for (const ConstFloatView& plane : sent) works = works && to->WriteRows(plane);
   kept->SetSent(sent);
   for (const SlicePoints* points : table.points) works = works && SendPoints(*points, *table.points[0], to);
@@ -460,10 +404,10 @@ std::optional<ReceivedCalls> ReceiveCalls(KeptPlanesOfCaller* kept, SocketStream
   calls.signals = header.signals;
   calls.bases = header.bases;
   calls.colors = header.colors;
-  calls.radius = header.radius;
-  calls.dimensions = header.dimensions;
-  calls.inverse_knee = header.inverse_knee;
-  calls.shift = header.shift;
+  calls.radius = header.patches.radius;
+  calls.dimensions = header.patches.dimensions;
+  calls.inverse_knee = header.patches.inverse_knee;
+  calls.shift = header.patches.shift;
   bool works = true;
   for (uint32_t i = 0; i < header.points; ++i) works = works && ReceivePoints(header, from, &calls.points);
   calls.parts.resize(header.calls);
@@ -474,69 +418,8 @@ std::optional<ReceivedCalls> ReceiveCalls(KeptPlanesOfCaller* kept, SocketStream
 
 std::optional<Operation> ReceiveOperation(SocketStream* from) {
   Operation operation = {};
-  if (!from->Read(&operation, sizeof(operation)) || operation > Operation::kFit) return std::nullopt;
+  if (!from->Read(&operation, sizeof(operation)) || operation > Operation::kRefine) return std::nullopt;
   return operation;
-}
-
-filter::FitCall ReceivedFit::View() const {
-  filter::FitCall view = call;
-  view.firsts = firsts;
-  view.samples = samples;
-  view.targets = targets;
-  return view;
-}
-
-bool CanSend(const filter::FitCall& call) { return IsValid(HeaderOf(call)); }
-
-bool SendFit(const filter::FitCall& call, SocketStream* to) {
-  const FitHeader header = HeaderOf(call);
-  return SendOperation(Operation::kFit, to) && to->Write(&header, sizeof(header)) &&
-         SendList(call.firsts, to) && SendList(call.samples, to) && SendList(call.targets, to);
-}
-
-std::optional<ReceivedFit> ReceiveFit(SocketStream* from) {
-  FitHeader header = {};
-  if (!from->Read(&header, sizeof(header)) || !IsValid(header)) return std::nullopt;
-  ReceivedFit fit;
-  fit.call = {.shape = ShapeOf(header),
-              .width = header.width,
-              .height = header.height,
-              .radius = header.radius,
-              .falloff = header.falloff,
-              .slope = header.slope,
-              .firsts = {},
-              .samples = {},
-              .targets = {}};
-  const auto row = static_cast<size_t>(header.width);
-  const size_t pixels = row * static_cast<size_t>(header.height);
-  const auto of_sample = static_cast<size_t>(fit.call.shape.Sample());
-  if (!ReceiveList(pixels + 1, from, &fit.firsts) ||
-      !ReceiveList(header.samples * of_sample, from, &fit.samples) ||
-      !ReceiveList(header.targets, from, &fit.targets) || !HasValidLists(fit.View()))
-    return std::nullopt;
-  for (size_t pixel = 0; pixel < pixels; ++pixel) {
-    for (auto i = static_cast<size_t>(fit.firsts[pixel]); i < static_cast<size_t>(fit.firsts[pixel + 1]);
-         ++i) {
-      float* const end = fit.samples.data() + (i + 1) * of_sample;
-      const size_t x = pixel % row, y = pixel / row;
-      end[-2] = static_cast<float>(x);
-      end[-1] = static_cast<float>(y);
-    }
-  }
-  return fit;
-}
-
-bool SendResult(const filter::FitResult& result, SocketStream* to) {
-  return SendList(result.values, to) && SendList(result.totals, to);
-}
-
-std::optional<filter::FitResult> ReceiveResult(const filter::FitCall& call, SocketStream* from) {
-  filter::FitResult result;
-  const size_t count = call.targets.size();
-  if (!ReceiveList(count * static_cast<size_t>(call.shape.signals), from, &result.values) ||
-      !ReceiveList(count, from, &result.totals))
-    return std::nullopt;
-  return result;
 }
 
 bool SendHasResult(bool has_result, SocketStream* to) {

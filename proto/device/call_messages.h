@@ -17,7 +17,7 @@ namespace lumifold::device {
 // taken over: what is received of calls is checked.
 
 /// What a message asks for; it comes first.
-enum class Operation : uint32_t { kFilter, kFit };
+enum class Operation : uint32_t { kFilter, kFit, kRefine };
 /// nullopt: the other end is closed, or there is none such.
 std::optional<Operation> ReceiveOperation(SocketStream* from);
 
@@ -67,30 +67,21 @@ struct ReceivedCalls {
   int radius = 0, dimensions = 0;
   float inverse_knee = 0, shift = 0;
   std::vector<Part> parts;
+  filter::PlaneViews others;  // that the message has besides; some may be empty
 
   std::vector<filter::ManifoldCall> View() const;
 };
 
 /// Whether calls are within the limits of what is received.
 bool CanSend(absl::Span<const filter::ManifoldCall> calls);
+/// With its operation.
 bool SendCalls(absl::Span<const filter::ManifoldCall> calls, SentPlanes* kept, SocketStream* to);
-/// After its operation. nullopt: the other end is closed, or these are no calls that ManifoldFilterAtPoints
-/// and ProjectPatches take. The calls refer to `kept`.
+/// Without, for messages that have more. `others`: planes of their size, some of which may be empty.
+bool SendCallsAnd(const filter::PlaneViews& others, absl::Span<const filter::ManifoldCall> calls,
+                  SentPlanes* kept, SocketStream* to);
+/// What either sends, after the operation. nullopt: the other end is closed, or these are no calls that
+/// ManifoldFilterAtPoints and ProjectPatches take. The calls refer to `kept`.
 std::optional<ReceivedCalls> ReceiveCalls(KeptPlanesOfCaller* kept, SocketStream* from);
-
-struct ReceivedFit {
-  filter::FitCall call;  // without lists
-  std::vector<int32_t> firsts, targets;
-  std::vector<float> samples;
-
-  filter::FitCall View() const;
-};
-
-bool CanSend(const filter::FitCall& call);
-bool SendFit(const filter::FitCall& call, SocketStream* to);
-/// After its operation. nullopt: the other end is closed, or this is no call of a ModelGrid. Places of
-/// samples are set to their pixels.
-std::optional<ReceivedFit> ReceiveFit(SocketStream* from);
 
 /// What is sent before a result: whether there is one, or the device leaves the call to the caller's
 /// processor.
@@ -101,7 +92,5 @@ bool SendResults(const std::vector<filter::ManifoldResult>& results, SocketStrea
 /// The results of `calls`.
 std::optional<std::vector<filter::ManifoldResult>> ReceiveResults(
     absl::Span<const filter::ManifoldCall> calls, SocketStream* from);
-bool SendResult(const filter::FitResult& result, SocketStream* to);
-std::optional<filter::FitResult> ReceiveResult(const filter::FitCall& call, SocketStream* from);
 
 }  // namespace lumifold::device

@@ -15,6 +15,8 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "proto/device/call_messages.h"
+#include "proto/device/fit_messages.h"
+#include "proto/device/refine_messages.h"
 #include "proto/device/serve_device.h"
 #include "proto/device/socket_stream.h"
 #include "proto/rpc/monotonic.h"
@@ -76,6 +78,11 @@ class DeviceLink final : public filter::ManifoldDevice {
     absl::MutexLock lock(&mutex_);
     return Ask<const filter::FitCall&>(call, [&] { return SendFit(call, &stream_); }, ReceiveResult);
   }
+  std::optional<filter::RefinedHalves> Refine(const filter::RefineCall& call) override {
+    absl::MutexLock lock(&mutex_);
+    return Ask<const filter::RefineCall&>(
+        call, [&] { return SendRefinement(call, &kept_, &stream_); }, ReceiveResult);
+  }
   void Keep(absl::Span<const ConstFloatView> planes) override {
     absl::MutexLock lock(&mutex_);
     kept_.Keep(planes);
@@ -122,6 +129,9 @@ class OwnDevice final : public filter::ManifoldDevice {
     return link_->Filter(calls);
   }
   std::optional<filter::FitResult> Fit(const filter::FitCall& call) override { return link_->Fit(call); }
+  std::optional<filter::RefinedHalves> Refine(const filter::RefineCall& call) override {
+    return link_->Refine(call);
+  }
   void Keep(absl::Span<const ConstFloatView> planes) override { link_->Keep(planes); }
   void Forget(absl::Span<const ConstFloatView> planes) override { link_->Forget(planes); }
 

@@ -25,6 +25,8 @@
 #include "absl/time/time.h"
 #include "filter/opencl/filter_device.h"
 #include "proto/device/call_messages.h"
+#include "proto/device/fit_messages.h"
+#include "proto/device/refine_messages.h"
 #include "proto/device/socket_stream.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/threads/event.h"
@@ -113,6 +115,12 @@ class Service {
     if (*operation == Operation::kFit) {
       const std::optional<ReceivedFit> fit = ReceiveFit(stream);
       return fit.has_value() && Send(Watched([&] { return device_->Fit(fit->View()); }), SendResult, stream);
+    }
+    if (*operation == Operation::kRefine) {
+      const std::optional<ReceivedRefinement> refinement = ReceiveRefinement(kept, stream);
+      if (!refinement.has_value()) return false;
+      const std::vector<filter::ManifoldCall> filterings = refinement->filterings.View();
+      return Send(Watched([&] { return device_->Refine(refinement->View(filterings)); }), SendResult, stream);
     }
     const std::optional<ReceivedCalls> calls = ReceiveCalls(kept, stream);
     return calls.has_value() &&

@@ -1,49 +1,16 @@
 #include "proto/device/call_messages.h"
 
 #include <gtest/gtest.h>
-#include <sys/socket.h>
 
-#include <array>
 #include <limits>
 #include <optional>
-#include <random>
-#include <thread>
-#include <utility>
 #include <vector>
 
-#include "filter/image/check.h"
-#include "proto/rpc/byte_stream.h"
+#include "tests/unit/device/transfer.h"
 #include "tests/unit/filter/manifold_inputs.h"
 
 namespace lumifold::device {
 namespace {
-
-/// What receive() makes of a message that went over a socket.
-template <typename Send, typename Receive>
-auto Transfer(const Send& send, const Receive& receive)
-    -> decltype(receive(static_cast<SocketStream*>(nullptr))) {
-  std::array<int, 2> ends = {-1, -1};
-  if (socketpair(AF_UNIX, SOCK_STREAM, 0, ends.data()) != 0) return {};
-  rpc::FileHandle from(ends[0]);
-  const rpc::FileHandle to(ends[1]);
-  std::thread sender([&] {
-    SocketStream stream(from.get());
-    (void)send(&stream);
-    from = {};
-  });
-  SocketStream stream(to.get());
-  auto received = receive(&stream);
-  shutdown(to.get(), SHUT_RDWR);  // what is refused is not read to its end
-  sender.join();
-  return received;
-}
-
-/// The value, which must be there.
-template <typename Value>
-Value Present(std::optional<Value> value) {
-  LUMIFOLD_CHECK(value.has_value());
-  return *std::move(value);
-}
 
 /// Both ends of a connection that has kept planes.
 struct Connection {
@@ -213,93 +180,12 @@ TEST_F(CallMessages, OfNoValidProjectionAreRefused) {
   EXPECT_FALSE(IsReceived());
 }
 
-/// Samples of a picture of 4 x 3 pixels: none of the first, two of the last, one of each other.
-class FitMessages : public testing::Test {
- protected:
-  FitMessages() : samples_(12 * static_cast<size_t>(filter::FitShape{3, 2, 4}.Sample()), 0.5f) {}
-
-  std::optional<ReceivedFit> Received() const {
-    const filter::FitCall call = {shape_, width_, 3, radius_, 0.1f, 4, firsts_, samples_, targets_};
-    return Transfer([&](SocketStream* to) { return SendFit(call, to); },
-                    [&](SocketStream* from) {
-                      return ReceiveOperation(from) == Operation::kFit ? ReceiveFit(from) : std::nullopt;
-                    });
-  }
-
-  filter::FitShape shape_ = {3, 2, 4};
-  int32_t width_ = 4, radius_ = 2;
-  std::vector<int32_t> firsts_ = {0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12};
-  std::vector<float> samples_;
-  std::vector<int32_t> targets_ = {0, 3, 11};
-};
-
-TEST_F(FitMessages, ArriveAsTheyWereWithThePlacesOfSamples) {
-  const ReceivedFit received = Present(Received());
-  const filter::FitCall call = received.View();
-  EXPECT_EQ(call.shape, shape_);
-  EXPECT_EQ(call.radius, 2);
-  EXPECT_EQ(call.slope, 4);
-  EXPECT_EQ(call.firsts, absl::MakeConstSpan(firsts_));
-  EXPECT_EQ(call.targets, absl::MakeConstSpan(targets_));
-  const float* const last = call.Sample(12 - 1) + shape_.Sample();
-  EXPECT_EQ(last[-3], 0.5f);
-  EXPECT_EQ(last[-2], 3);
-  EXPECT_EQ(last[-1], 2);
-}
-
-TEST_F(FitMessages, OfNoValidFitAreRefused) {
-  const std::vector<int32_t> firsts = firsts_, targets = targets_;
-  for (const std::vector<int32_t>& wrong : {std::vector<int32_t>{0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 13},
-                                            {1, 1, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12},
-                                            {0, 5, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12},
-                                            {0, -1, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12}}) {
-    firsts_ = wrong;
-    EXPECT_FALSE(Received().has_value());
-  }
-  firsts_ = firsts;
-  for (const std::vector<int32_t>& wrong : {std::vector<int32_t>{3, 0}, {3, 3}, {-1}, {12}}) {
-    targets_ = wrong;
-    EXPECT_FALSE(Received().has_value());
-  }
-  targets_ = targets;
-  for (const filter::FitShape wrong : {filter::FitShape{0, 2, 4}, {3, -2, 4}, {3, 2, 3}, {3, 2, 400}}) {
-    shape_ = wrong;
-    EXPECT_FALSE(Received().has_value());
-  }
-  shape_ = {3, 2, 4};
-  width_ = 0;
-  EXPECT_FALSE(Received().has_value());
-  width_ = 4;
-  radius_ = -1;
-  EXPECT_FALSE(Received().has_value());
-  radius_ = 2;
-  EXPECT_TRUE(Received().has_value());
-}
-
-TEST_F(FitMessages, HoldABlockOfWhichEachPixelIsFitted) {
-  constexpr int32_t kSide = 1536;
-  constexpr size_t kPixels = size_t{kSide} * kSide;
-  const filter::FitShape shape = {8, 8, 12};
-  const float none = 0;  // no sample is read
-  const filter::FitCall call = {
-      shape, kSide, kSide, 6, 0.1f, 4, {}, {&none, 2 * kPixels * static_cast<size_t>(shape.Sample())}, {}};
-  EXPECT_TRUE(CanSend(call));
-}
-
-/// Whatever comes is refused or valid, and kernels stay within what is received.
-TEST_F(FitMessages, OfAnyWordsAreRefusedOrValid) {
-  std::mt19937 random(7);
-  for (int i = 0; i < 300; ++i) {
-    std::vector<uint32_t> words(64);
-    for (uint32_t& word : words) word = static_cast<uint32_t>(random() >> (random() % 32));
-    const auto send = [&](SocketStream* to) { return to->Write(words.data(), 4 * words.size()); };
-    const bool is_fit = i % 2 == 0;
-    const auto receive = [&](SocketStream* from) {
-      KeptPlanesOfCaller kept;
-      return is_fit ? ReceiveFit(from).has_value() : ReceiveCalls(&kept, from).has_value();
-    };
-    EXPECT_FALSE(Transfer(send, receive)) << i;  // 64 words hold no call
-  }
+/// Whatever comes is refused or valid, and kernels stay within what is received: 64 words hold no call.
+TEST_F(CallMessages, OfAnyWordsAreRefused) {
+  EXPECT_FALSE(AnyIsReceived([](SocketStream* from) {
+    KeptPlanesOfCaller kept;
+    return ReceiveCalls(&kept, from).has_value();
+  }));
 }
 
 }  // namespace

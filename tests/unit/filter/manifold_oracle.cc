@@ -17,6 +17,7 @@
 #include "filter/opencl/fit_run.h"
 #include "filter/opencl/kernel_run.h"
 #include "filter/opencl/manifold_run.h"
+#include "filter/opencl/refine_run.h"
 
 namespace lumifold::filter {
 namespace {
@@ -31,6 +32,11 @@ size_t work_item = 0;
 size_t get_global_id(int) { return work_item; }
 int as_int(float x) { return std::bit_cast<int>(x); }
 float as_float(int x) { return std::bit_cast<float>(x); }
+// NOLINTBEGIN(bugprone-reserved-identifier,clang-diagnostic-reserved-macro-identifier): words of OpenCL
+#define __kernel
+#define __global
+// NOLINTEND(bugprone-reserved-identifier,clang-diagnostic-reserved-macro-identifier)
+#include "filter/opencl/shared.cl"
 int FEATURES = 1;
 int CHANNELS = 1;
 int FITS = 0;
@@ -38,15 +44,12 @@ int STEP = 1;
 constexpr int MOST_FEATURES = 32;
 constexpr int MOST_PLANES = 16;
 constexpr int MOST_STEP = 64;
-// NOLINTBEGIN(bugprone-reserved-identifier,clang-diagnostic-reserved-macro-identifier): words of OpenCL
-#define __kernel
-#define __global
-// NOLINTEND(bugprone-reserved-identifier,clang-diagnostic-reserved-macro-identifier)
 #include "filter/opencl/manifold.cl"
 using ulong = uint64_t;
 double as_double(ulong bits) { return std::bit_cast<double>(bits); }
 constexpr ulong kLeastSpread = std::bit_cast<ulong>(filter::kLeastSpread);
 #define DOUBLES 1
+#include "filter/opencl/choice.cl"
 #include "filter/opencl/covariance.cl"
 #include "filter/opencl/projection.cl"
 int FIT_TERMS = 1;
@@ -59,7 +62,9 @@ constexpr int MOST_FIT_ROW = 24;
 
 class RunInCpp final : public KernelRun {
  public:
-  explicit RunInCpp(const ProgramOptions& options, const DeviceMemory& memory = {}) : memory_(memory) {
+  explicit RunInCpp(const DeviceMemory& memory = {}) : memory_(memory) {}
+
+  void Use(const ProgramOptions& options) override {
     std::visit([](const auto& of) { Define(of); }, options);
   }
 
@@ -100,6 +105,7 @@ class RunInCpp final : public KernelRun {
     kernels::FIT_SIGNALS = shape.signals;
     kernels::FIT_TRAITS = shape.traits;
   }
+  static void Define(const ChoiceProgram&) {}
 
   std::byte* MemoryOf(Buffer buffer) { return buffers_[static_cast<size_t>(buffer)].data(); }
 
@@ -139,15 +145,20 @@ void RunInCpp::Run(const char* kernel, size_t items, std::initializer_list<Argum
     return name == other;
   };
 #define LUMIFOLD_CALL(other) call_if(#other, kernels::other)
-  const bool is_known = LUMIFOLD_CALL(Clear) || LUMIFOLD_CALL(ShareFeatures) || LUMIFOLD_CALL(Replace) ||
-                        LUMIFOLD_CALL(ClusterSums) || LUMIFOLD_CALL(EvenRows) || LUMIFOLD_CALL(EvenColumns) ||
-                        LUMIFOLD_CALL(Heights) || LUMIFOLD_CALL(RowCovariance) || LUMIFOLD_CALL(Covariance) ||
-                        LUMIFOLD_CALL(Axis) || LUMIFOLD_CALL(Weigh) || LUMIFOLD_CALL(KeepMass) ||
-                        LUMIFOLD_CALL(Splat) || LUMIFOLD_CALL(Moments) || LUMIFOLD_CALL(Links) ||
-                        LUMIFOLD_CALL(GuidedRows) || LUMIFOLD_CALL(GuidedColumns) || LUMIFOLD_CALL(Slice) ||
-                        LUMIFOLD_CALL(Project) || LUMIFOLD_CALL(Stabilise) || LUMIFOLD_CALL(Subtract) ||
-                        LUMIFOLD_CALL(ProbeReals) || LUMIFOLD_CALL(FitSums) || LUMIFOLD_CALL(FitModels) ||
-                        LUMIFOLD_CALL(FitValues) || LUMIFOLD_CALL(FitOwn);
+  const bool is_known =
+      LUMIFOLD_CALL(Clear) || LUMIFOLD_CALL(ShareFeatures) || LUMIFOLD_CALL(Replace) ||
+      LUMIFOLD_CALL(ClusterSums) || LUMIFOLD_CALL(EvenRows) || LUMIFOLD_CALL(EvenColumns) ||
+      LUMIFOLD_CALL(Heights) || LUMIFOLD_CALL(RowCovariance) || LUMIFOLD_CALL(Covariance) ||
+      LUMIFOLD_CALL(Axis) || LUMIFOLD_CALL(Weigh) || LUMIFOLD_CALL(KeepMass) || LUMIFOLD_CALL(Splat) ||
+      LUMIFOLD_CALL(Moments) || LUMIFOLD_CALL(Links) || LUMIFOLD_CALL(GuidedRows) ||
+      LUMIFOLD_CALL(GuidedColumns) || LUMIFOLD_CALL(Slice) || LUMIFOLD_CALL(Project) ||
+      LUMIFOLD_CALL(Stabilise) || LUMIFOLD_CALL(Subtract) || LUMIFOLD_CALL(ProbeReals) ||
+      LUMIFOLD_CALL(FitSums) || LUMIFOLD_CALL(FitModels) || LUMIFOLD_CALL(FitValues) ||
+      LUMIFOLD_CALL(FitOwn) || LUMIFOLD_CALL(TakeFiltered) || LUMIFOLD_CALL(MeanOfPoints) ||
+      LUMIFOLD_CALL(LightOf) || LUMIFOLD_CALL(WeighErrors) || LUMIFOLD_CALL(WeighErrorsOfPoints) ||
+      LUMIFOLD_CALL(TermsOfPixels) || LUMIFOLD_CALL(TermsOfPoints) || LUMIFOLD_CALL(TermsOfCells) ||
+      LUMIFOLD_CALL(SumRowsOfCells) || LUMIFOLD_CALL(RefineCells) || LUMIFOLD_CALL(ShareOfCells) ||
+      LUMIFOLD_CALL(RefinePixels) || LUMIFOLD_CALL(SmoothShare) || LUMIFOLD_CALL(MoveTowards);
 #undef LUMIFOLD_CALL
   LUMIFOLD_CHECK(is_known);
 }
@@ -162,8 +173,13 @@ class OracleDevice final : public ManifoldDevice {
   }
   std::optional<FitResult> Fit(const FitCall& call) override {
     const DeviceMemory memory = is_small_ ? LeastMemory(call) : DeviceMemory{};
-    RunInCpp run(call.shape, memory);
+    RunInCpp run(memory);
     return *RunFit(call, memory, &run);
+  }
+  std::optional<RefinedHalves> Refine(const RefineCall& call) override {
+    const DeviceMemory memory = is_small_ ? LeastMemory(call) : DeviceMemory{};
+    RunInCpp run(memory);
+    return *RunRefinement(call, memory, &run);
   }
   void Keep(absl::Span<const ConstFloatView>) override {}
   void Forget(absl::Span<const ConstFloatView>) override {}
@@ -182,7 +198,7 @@ ManifoldResult ManifoldFilterOracle(const Planes& signals, const Planes& feature
 }
 
 std::vector<ManifoldResult> FilterOracle(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory) {
-  RunInCpp run(KernelsOf(calls.front()), memory);
+  RunInCpp run(memory);
   return *RunManifolds(calls, memory, &run);
 }
 
@@ -195,7 +211,7 @@ Planes ProjectPatchesOracle(const Planes& color, const PatchBasis& basis) {
       .width = color[0].width(), .height = color[0].height(), .columns = 0, .rows = 0, .points = 0};
   const size_t row = static_cast<size_t>(grid.width), pixels = row * static_cast<size_t>(grid.height);
   const size_t bytes = pixels * sizeof(float), dimensions = static_cast<size_t>(basis.dimensions);
-  RunInCpp run(KernelOptions{});
+  RunInCpp run;
   const KernelRun::Buffer colors = run.Allocate(color.size() * bytes);
   const KernelRun::Buffer taps = run.Allocate(basis.kernels.size() * sizeof(float));
   const KernelRun::Buffer result = run.Allocate(dimensions * bytes);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <initializer_list>
 #include <memory>
 #include <optional>
 #include <string>
@@ -17,6 +18,7 @@
 #include "filter/opencl/filter_device.h"
 #include "tests/unit/filter/are_equal.h"
 #include "tests/unit/filter/edge_films.h"
+#include "tests/unit/filter/fragment_films.h"
 #include "tests/unit/filter/manifold_inputs.h"
 #include "tests/unit/filter/synthetic_film.h"
 
@@ -151,6 +153,17 @@ TEST_F(OpenCl, GivesTheBitsOfThisProcessorForAllMethodsAndFilms) {
   }
 }
 
+TEST_F(OpenCl, GivesTheBitsOfThisProcessorForFragments) {
+  const LayeredImage edges = EdgeSet();
+  const FilmOfFragments film = RoughFilmWithFragments(1);
+  for (const char* method : {"default", "paper"}) {
+    const auto here = FilterFilm(film.film, method, nullptr, &edges, &film.fragments);
+    const auto there = FilterFilm(film.film, method, pool_.get(), &edges, &film.fragments);
+    ASSERT_TRUE(here.ok() && there.ok()) << here.status() << there.status();
+    EXPECT_TRUE(AreEqual(*here, *there)) << method;
+  }
+}
+
 TEST_F(OpenCl, GivesTheBitsOfThisProcessorForFilmsInBlocks) {
   const LayeredImage film = MakeSyntheticFilm(100, 40, 0.3f, 3).film;
   constexpr BlockParams kSmall = {.core = 64, .margin = 64, .fade = 16, .whole = 0};
@@ -164,14 +177,26 @@ TEST_F(OpenCl, GivesTheBitsOfThisProcessorForFilmsInBlocks) {
   }
 }
 
-/// A device that has lost its memory, or is lost itself.
+/// A run on a device that is lost.
+class LostRun final : public KernelRun {
+ public:
+  void Use(const ProgramOptions&) override {}
+  Buffer Allocate(size_t) override { return {}; }
+  void Release(Buffer) override {}
+  void Write(Buffer, size_t, const void*, size_t) override {}
+  void Copy(Buffer, Buffer, size_t, size_t) override {}
+  void Run(const char*, size_t, std::initializer_list<Argument>) override {}
+  absl::Status Finish() override { return absl::InternalError("it is lost"); }
+  absl::Status Read(Buffer, size_t, size_t, void*) override { return Finish(); }
+};
+
 class LostDevice final : public Device {
  public:
   explicit LostDevice(int* calls) : calls_(*calls) {}
   DeviceMemory Memory() const override { return {}; }
-  absl::StatusOr<std::unique_ptr<KernelRun>> Begin(const ProgramOptions&) override {
+  std::unique_ptr<KernelRun> Begin() override {
     ++calls_;
-    return absl::ResourceExhaustedError("out of memory");
+    return std::make_unique<LostRun>();
   }
 
  private:
@@ -192,7 +217,7 @@ TEST(FilterDevice, IsLeftForTheProcessorWithOneWarningWhenItFails) {
   const Planes expected = run(nullptr);
   for (int i = 0; i < 3; ++i) EXPECT_TRUE(AreEqual(run(pool.get()), expected));
   EXPECT_EQ(calls, 1);
-  EXPECT_EQ(warnings, std::vector<std::string>{"out of memory"});
+  EXPECT_EQ(warnings, std::vector<std::string>{"it is lost"});
 }
 
 TEST(FilterDevice, IsOneOfFourWords) {

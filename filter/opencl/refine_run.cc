@@ -1,0 +1,312 @@
+#include "filter/opencl/refine_run.h"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <initializer_list>
+#include <utility>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "filter/opencl/device_planes.h"
+#include "filter/opencl/manifold_run.h"
+
+namespace lumifold::filter {
+namespace {
+
+using Buffer = KernelRun::Buffer;
+
+constexpr uint64_t kPicturePlanes = 6;  // of sites: two halves
+constexpr uint64_t kTerms = 6;          // as choice.cl has them
+
+/// Sizes of one call.
+struct RefineSizes {
+  explicit RefineSizes(const RefineCall& call) {
+    const ManifoldCall& first = call.filterings.front();
+    const auto cells = [](int side) { return (side + kChoiceCell - 1) / kChoiceCell; };
+    const size_t count = first.points != nullptr ? first.points->pixels.size() : 0;
+    grid = {first.mask.width(), first.mask.height(), cells(first.mask.width()), cells(first.mask.height()),
+            static_cast<int32_t>(count)};
+    pixels = static_cast<uint64_t>(grid.width) * static_cast<uint64_t>(grid.height);
+    points = count;
+    sites = pixels + points;
+    cells_in_all = static_cast<uint64_t>(grid.columns) * static_cast<uint64_t>(grid.rows);
+    kinds = points > 0 ? kMostKinds : call.mixed.IsEmpty() ? 1 : kMixedKind + 1;
+    candidates = call.filterings.size() / 2;
+  }
+
+  Grid grid = {};
+  uint64_t pixels = 0, points = 0, sites = 0, cells_in_all = 0;
+  int32_t kinds = 1;
+  uint64_t candidates = 0;
+};
+
+DeviceMemory BytesOf(std::initializer_list<uint64_t> floats) {
+  DeviceMemory need = {0, 0};
+  for (const uint64_t count : floats) {
+    need.whole += count * sizeof(float);
+    need.largest = std::max(need.largest, count * sizeof(float));
+  }
+  return need;
+}
+
+DeviceMemory Less(DeviceMemory memory, const DeviceMemory& taken) {
+  memory.whole -= std::min(memory.whole, taken.whole);
+  return memory;
+}
+DeviceMemory More(DeviceMemory memory, const DeviceMemory& other) {
+  return {memory.whole + other.whole, std::max(memory.largest, other.largest)};
+}
+
+/// The pictures that filterings leave behind, and what tells of points.
+DeviceMemory KeptNeed(const RefineSizes& sizes) {
+  DeviceMemory need = BytesOf({kPicturePlanes * sizes.sites, sizes.points, sizes.points, sizes.points + 1,
+                               2 * sizes.points, sizes.points, sizes.points});
+  need.whole += sizes.candidates * kPicturePlanes * sizes.sites * sizeof(float);
+  return need;
+}
+
+/// What the choice needs besides.
+DeviceMemory ChoiceNeed(const RefineSizes& sizes) {
+  const uint64_t plane = sizes.pixels, cells = static_cast<uint64_t>(sizes.kinds) * sizes.cells_in_all;
+  // Samples, expected, weight, masks, mixed, light, weights of errors, kinds, shares twice, and terms.
+  const DeviceMemory planes =
+      BytesOf({plane, plane, plane, plane, plane, plane, plane, plane, plane, plane, plane, 3 * plane});
+  return More(planes, BytesOf({kPicturePlanes * sizes.sites, kTerms * cells, kTerms * cells, cells,
+                               sizes.points, sizes.points}));
+}
+
+CallsPlan PlanOf(const RefineCall& call, const DeviceMemory& memory) {
+  const RefineSizes sizes(call);
+  return PlanOf(call.filterings, Less(memory, KeptNeed(sizes)), ChoiceNeed(sizes));
+}
+
+/// One call; its work is in the order of the members.
+class RefineRun {
+ public:
+  RefineRun(const RefineCall& call, const DeviceMemory& memory, KernelRun* run)
+      : call_(call),
+        run_(*run),
+        sizes_(call),
+        plan_(PlanOf(call, memory)),
+        from_(call.filterings, plan_.planes_stay, run) {}
+
+  absl::StatusOr<RefinedHalves> Run() {
+    if (absl::Status status = Filter(); !status.ok()) return status;
+    run_.Use(ChoiceProgram{});
+    UploadNoisy();
+    WeighErrors();
+    for (const Buffer candidate : candidates_) Compare(candidate);
+    if (absl::Status status = run_.Finish(); !status.ok()) return status;
+    RefinedHalves halves;
+    for (size_t h = 0; h < 2; ++h) {
+      absl::StatusOr<ManifoldResult> half =
+          ReadSites({sizes_.grid.width, sizes_.grid.height, sizes_.points, 3}, picture_, 3 * h, &run_);
+      if (!half.ok()) return half.status();
+      halves[h] = *std::move(half);
+    }
+    return halves;
+  }
+
+ private:
+  /// Points in runs, as choice.cl has them: what each half covers and has of samples of them, and their
+  /// weights and samples in comparisons.
+  struct Points {
+    uint64_t runs = 0;
+    Buffer firsts = {}, places = {};
+    std::array<Buffer, 2> coverage = {}, shares = {};
+    Buffer weights = {}, samples = {};
+  };
+  /// What comparisons have in common.
+  struct Layer {
+    Buffer noisy = {}, samples = {}, expected = {}, weight = {}, mixed = {}, light = {};
+    std::array<Buffer, 2> masks = {};
+  };
+  /// Weights of errors, kinds, terms, and shares: of windows, smoothed, of cells.
+  struct Comparison {
+    Buffer errors = {}, kind = {}, terms = {}, rough = {}, smooth = {};
+    Buffer cells = {}, row_sums = {}, of_cells = {};
+  };
+
+  static int32_t Int(uint64_t count) { return static_cast<int32_t>(count); }
+  Buffer Floats(uint64_t count) { return run_.Allocate(count * sizeof(float)); }
+  template <typename T>
+  Buffer Upload(absl::Span<const T> values) {
+    const Buffer buffer = run_.Allocate(values.size() * sizeof(T));
+    run_.Write(buffer, 0, values.data(), values.size() * sizeof(T));
+    return buffer;
+  }
+  /// A plane of pixels; zeros if it is empty.
+  Buffer UploadPlane(ConstFloatView plane) {
+    const Buffer buffer = Floats(sizes_.pixels);
+    if (plane.IsEmpty())
+      run_.Write(buffer, 0, std::vector<float>(sizes_.pixels).data(), sizes_.pixels * sizeof(float));
+    else
+      from_.Put(plane, buffer, 0);
+    return buffer;
+  }
+  /// Planes of pixels and values of points.
+  void PutPicture(const std::array<PlaneViews, 2>& halves,
+                  const std::array<absl::Span<const float>, 2>& points, Buffer to) {
+    std::vector<float> channel(sizes_.points);
+    for (size_t h = 0; h < 2; ++h) {
+      for (size_t c = 0; c < 3; ++c) {
+        const size_t at = (3 * h + c) * sizes_.sites * sizeof(float);
+        from_.Put(halves[h][c], to, at);
+        for (size_t i = 0; i < channel.size(); ++i) channel[i] = points[h][3 * i + c];
+        run_.Write(to, at + sizes_.pixels * sizeof(float), channel.data(), channel.size() * sizeof(float));
+      }
+    }
+  }
+  const ManifoldCall& FirstOf(size_t h) const { return call_.filterings[h * sizes_.candidates]; }
+
+  /// Where the points of each pixel begin.
+  std::vector<int32_t> RunsOfPoints() const {
+    std::vector<int32_t> firsts;
+    for (size_t i = 0; i < sizes_.points; ++i) {
+      const auto& pixels = FirstOf(0).points->pixels;
+      if (i == 0 || pixels[i] != pixels[i - 1]) firsts.push_back(Int(i));
+    }
+    firsts.push_back(Int(sizes_.points));
+    return firsts;
+  }
+
+  void UploadPoints() {
+    const std::vector<int32_t> firsts = RunsOfPoints();
+    points_.runs = firsts.size() - 1;
+    points_.firsts = Upload(absl::MakeConstSpan(firsts));
+    std::vector<int32_t> places;
+    places.reserve(2 * sizes_.points);
+    for (size_t i = 0; i < sizes_.points; ++i) {
+      const auto& place = FirstOf(0).points->pixels[i];
+      places.insert(places.end(), place.begin(), place.end());
+    }
+    points_.places = Upload(absl::MakeConstSpan(places));
+    for (size_t h = 0; h < 2; ++h) {
+      points_.coverage[h] = Upload(call_.coverage[h]);
+      points_.shares[h] =
+          sizes_.points > 0 ? Upload(absl::MakeConstSpan(FirstOf(h).points->weights)) : Floats(0);
+    }
+  }
+
+  /// The filterings, as candidates.
+  absl::Status Filter() {
+    UploadPoints();
+    picture_ = Floats(kPicturePlanes * sizes_.sites);
+    PutPicture({FirstOf(0).bases, FirstOf(1).bases}, call_.base, picture_);
+    for (uint64_t i = 0; i < sizes_.candidates; ++i)
+      candidates_.push_back(Floats(kPicturePlanes * sizes_.sites));
+    return RunEach(call_.filterings, plan_.of_calls, &from_, &run_,
+                   [&](size_t i, const FilteredSites& sites) {
+                     const size_t h = i / sizes_.candidates;
+                     const Buffer to = candidates_[i % sizes_.candidates];
+                     run_.Use(ChoiceProgram{});
+                     run_.Run("TakeFiltered", sizes_.sites,
+                              {sizes_.grid, Int(h), points_.shares[h], sites.found, sites.signals,
+                               sites.planes, picture_, to});
+                     run_.Run("MeanOfPoints", points_.runs,
+                              {sizes_.grid, Int(h), Int(points_.runs), points_.firsts, points_.places,
+                               points_.coverage[h], to});
+                     return run_.Finish();
+                   });
+  }
+
+  /// Brings what comparisons have in common.
+  void UploadNoisy() {
+    layer_.noisy = Floats(kPicturePlanes * sizes_.sites);
+    PutPicture({FirstOf(0).signals, FirstOf(1).signals}, call_.noisy, layer_.noisy);
+    layer_.samples = UploadPlane(call_.samples);
+    layer_.expected = UploadPlane(call_.expected);
+    layer_.weight = UploadPlane(call_.weight);
+    layer_.masks = {UploadPlane(FirstOf(0).mask), UploadPlane(FirstOf(1).mask)};
+    layer_.mixed = UploadPlane(call_.mixed);
+    layer_.light = UploadPlane(call_.light);
+    points_.weights = Upload(call_.point_weights);
+    points_.samples = Upload(call_.point_samples);
+    for (Buffer* const buffer : {&shares_.errors, &shares_.kind, &shares_.rough, &shares_.smooth})
+      *buffer = Floats(sizes_.pixels);
+    shares_.terms = Floats(3 * sizes_.pixels);
+    const uint64_t cells = static_cast<uint64_t>(sizes_.kinds) * sizes_.cells_in_all;
+    shares_.cells = Floats(kTerms * cells);
+    shares_.row_sums = Floats(kTerms * cells);
+    shares_.of_cells = Floats(cells);
+  }
+
+  /// For comparisons with the picture as it is.
+  void WeighErrors() {
+    if (call_.light.IsEmpty())
+      run_.Run("LightOf", sizes_.pixels, {sizes_.grid, 1.0f / (6.0f * call_.level), picture_, layer_.light});
+    run_.Run("WeighErrors", sizes_.pixels,
+             {sizes_.grid, call_.choice.dim, layer_.masks[0], layer_.masks[1], layer_.mixed, layer_.light,
+              shares_.errors, shares_.kind});
+    run_.Run("WeighErrorsOfPoints", points_.runs,
+             {sizes_.grid, call_.choice.dim, Int(points_.runs), points_.firsts, points_.places, layer_.light,
+              shares_.errors, shares_.kind});
+  }
+
+  /// Moves the picture towards a candidate.
+  void Compare(Buffer candidate) {
+    const Grid& grid = sizes_.grid;
+    run_.Run("TermsOfPixels", sizes_.pixels,
+             {grid, picture_, candidate, layer_.noisy, layer_.samples, layer_.expected, shares_.errors,
+              shares_.kind, shares_.terms});
+    run_.Run("TermsOfPoints", points_.runs,
+             {grid, Int(points_.runs), points_.firsts, points_.places, picture_, candidate, layer_.noisy,
+              points_.weights, points_.samples, shares_.errors, shares_.terms});
+    CompareCells();
+    run_.Run("ShareOfCells", sizes_.pixels, {grid, shares_.kind, shares_.of_cells, shares_.rough});
+    run_.Run("RefinePixels", sizes_.pixels,
+             {grid, call_.choice.narrow_radius, call_.choice.significance, shares_.kind, shares_.terms,
+              shares_.rough});
+    run_.Run("SmoothShare", sizes_.pixels,
+             {grid, call_.choice.blend_radius, layer_.weight, shares_.kind, shares_.rough, shares_.smooth});
+    run_.Run("MoveTowards", sizes_.sites, {grid, points_.places, shares_.smooth, candidate, picture_});
+  }
+
+  void CompareCells() {
+    const Grid& grid = sizes_.grid;
+    const uint64_t cells = static_cast<uint64_t>(sizes_.kinds) * sizes_.cells_in_all;
+    run_.Write(shares_.of_cells, 0, std::vector<float>(cells).data(), cells * sizeof(float));
+    run_.Run("TermsOfCells", sizes_.cells_in_all,
+             {grid, sizes_.kinds, shares_.kind, shares_.terms, shares_.cells});
+    for (const int pixels : {call_.choice.widest_radius, call_.choice.wide_radius}) {
+      // As BoxMeans: a window over the whole picture reaches no further.
+      const int32_t radius = std::min(pixels / kChoiceCell, std::max(grid.columns, grid.rows));
+      run_.Run("SumRowsOfCells", kTerms * cells,
+               {grid, Int(kTerms) * sizes_.kinds, radius, shares_.cells, shares_.row_sums});
+      run_.Run("RefineCells", cells,
+               {grid, sizes_.kinds, radius, call_.choice.significance, shares_.row_sums, shares_.of_cells});
+    }
+  }
+
+  const RefineCall& call_;
+  KernelRun& run_;
+  const RefineSizes sizes_;
+  const CallsPlan plan_;
+  DevicePlanes from_;
+  Points points_;
+  Buffer picture_ = {};
+  std::vector<Buffer> candidates_;
+  Layer layer_;
+  Comparison shares_;
+};
+
+}  // namespace
+
+DeviceMemory LeastMemory(const RefineCall& call) {
+  const RefineSizes sizes(call);
+  const DeviceMemory least = LeastMemory(call.filterings), after = ChoiceNeed(sizes);
+  return More({std::max(least.whole, after.whole), std::max(least.largest, after.largest)}, KeptNeed(sizes));
+}
+
+DeviceMemory TakenMemory(const RefineCall& call, const DeviceMemory& memory) {
+  return More(PlanOf(call, memory).taken, KeptNeed(RefineSizes(call)));
+}
+
+absl::StatusOr<RefinedHalves> RunRefinement(const RefineCall& call, const DeviceMemory& memory,
+                                            KernelRun* run) {
+  return RefineRun(call, memory, run).Run();
+}
+
+}  // namespace lumifold::filter

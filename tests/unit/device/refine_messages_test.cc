@@ -1,0 +1,136 @@
+#include "proto/device/refine_messages.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "tests/unit/device/transfer.h"
+#include "tests/unit/filter/manifold_inputs.h"
+
+namespace lumifold::device {
+namespace {
+
+/// A layer with points, filtered by two ranges.
+class RefineMessages : public testing::Test {
+ protected:
+  RefineMessages() {
+    for (filter::SlicePoints& of_half : points_) filter::AddSignals(3, &of_half);
+    for (size_t h = 0; h < 2; ++h) {
+      lists_[h] = std::vector<float>(3 * points_[0].pixels.size(), 0.25f + static_cast<float>(h));
+      coverage_[h] = std::vector<float>(points_[0].pixels.size(), 0.5f);
+    }
+  }
+
+  std::vector<filter::ManifoldCall> Filterings() const {
+    std::vector<filter::ManifoldCall> calls;
+    for (size_t i = 0; i < filterings_; ++i) {
+      calls.push_back({filter::ViewsOf(input_.signals),
+                       filter::ViewsOf(input_.signals),
+                       {},
+                       filter::ViewsOf(input_.features),
+                       input_.mask.view(),
+                       params_,
+                       5,
+                       &points_[i / 2 % 2]});
+    }
+    return calls;
+  }
+  filter::RefineCall Call(const std::vector<filter::ManifoldCall>& filterings) const {
+    return {.filterings = filterings,
+            .choice = choice_,
+            .level = level_,
+            .weight = input_.mask.view(),
+            .samples = input_.features[0].view(),
+            .light = {},
+            .expected = {},
+            .mixed = input_.features[1].view(),
+            .noisy = {lists_[0], lists_[1]},
+            .base = {lists_[1], lists_[0]},
+            .coverage = {coverage_[0], coverage_[1]},
+            .point_weights = coverage_[0],
+            .point_samples = coverage_[1]};
+  }
+  std::optional<ReceivedRefinement> Received() const {
+    SentPlanes sent;
+    KeptPlanesOfCaller kept;
+    const std::vector<filter::ManifoldCall> filterings = Filterings();
+    return Transfer([&](SocketStream* to) { return SendRefinement(Call(filterings), &sent, to); },
+                    [&](SocketStream* from) {
+                      return ReceiveOperation(from) == Operation::kRefine ? ReceiveRefinement(&kept, from)
+                                                                          : std::nullopt;
+                    });
+  }
+  /// What is not received, callers do not send.
+  void ExpectRefused(const char* why) const {
+    const std::vector<filter::ManifoldCall> filterings = Filterings();
+    EXPECT_FALSE(CanSend(Call(filterings))) << why;
+    EXPECT_FALSE(Received().has_value()) << why;
+  }
+
+  filter::ManifoldInput input_ = filter::MakeManifoldInput(19, 50, 4, true, 3);
+  std::array<filter::SlicePoints, 2> points_ = {filter::MakePoints(input_, 2, 2),
+                                                filter::MakePoints(input_, 2, 2)};
+  filter::ManifoldParams params_ = {.height = 3, .keeps_mass = true};
+  size_t filterings_ = 4;
+  filter::ChoiceParams choice_;
+  float level_ = 0.75f;
+  std::array<std::vector<float>, 2> lists_, coverage_;
+};
+
+TEST_F(RefineMessages, ArriveAsTheyWere) {
+  const ReceivedRefinement received = Present(Received());
+  const std::vector<filter::ManifoldCall> filterings = received.filterings.View();
+  const filter::RefineCall call = received.View(filterings);
+  ASSERT_EQ(call.filterings.size(), 4);
+  EXPECT_EQ(call.filterings[3].points->weights, points_[1].weights);
+  EXPECT_EQ(call.choice.widest_radius, 48);
+  EXPECT_EQ(call.choice.blend_radius, 4);
+  EXPECT_EQ(call.choice.significance, 9);
+  EXPECT_EQ(call.level, 0.75f);
+  EXPECT_EQ(call.weight.At(3, 40), input_.mask.At(3, 40));
+  EXPECT_EQ(call.samples.At(3, 40), input_.features[0].At(3, 40));
+  EXPECT_EQ(call.mixed.At(3, 40), input_.features[1].At(3, 40));
+  EXPECT_TRUE(call.light.IsEmpty() && call.expected.IsEmpty());
+  EXPECT_EQ(call.noisy[1], absl::MakeConstSpan(lists_[1]));
+  EXPECT_EQ(call.base[1], absl::MakeConstSpan(lists_[0]));
+  EXPECT_EQ(call.point_samples, absl::MakeConstSpan(coverage_[1]));
+  const std::vector<filter::ManifoldCall> sent = Filterings();
+  EXPECT_TRUE(CanSend(Call(sent)));
+}
+
+TEST_F(RefineMessages, OfNoValidRefinementAreRefused) {
+  filterings_ = 3;
+  ExpectRefused("three filterings of two halves");
+  filterings_ = 4;
+  for (int* const radius :
+       {&choice_.widest_radius, &choice_.wide_radius, &choice_.narrow_radius, &choice_.blend_radius}) {
+    const int valid = *radius;
+    for (const int wrong : {-1, 1 << 20}) {
+      *radius = wrong;
+      ExpectRefused("a window of no size");
+    }
+    *radius = valid;
+  }
+  level_ = std::numeric_limits<float>::quiet_NaN();
+  ExpectRefused("light of no level");
+  level_ = 1;
+  points_[1].pixels.pop_back();
+  points_[1].features.resize(points_[1].features.size() - points_[1].own_features);
+  points_[1].signals.resize(points_[1].signals.size() - 3);
+  points_[1].weights.pop_back();
+  ExpectRefused("halves with points of their own");
+}
+
+TEST_F(RefineMessages, OfAnyWordsAreRefused) {
+  EXPECT_FALSE(AnyIsReceived([](SocketStream* from) {
+    KeptPlanesOfCaller kept;
+    return ReceiveRefinement(&kept, from).has_value();
+  }));
+}
+
+}  // namespace
+}  // namespace lumifold::device

@@ -177,7 +177,8 @@ ChoicePoints PointsToCompare(const LayerState& state, std::array<std::vector<flo
   return points;
 }
 
-/// The second filterings and the choice on the device of the pool, if it can. Sets the result.
+/// The second filterings, the choice and the light's regression on the device of the pool, if it can. Sets
+/// the result.
 bool RefineOnDevice(const JointGuides& guides, const std::vector<float>& scales, LayerState* state) {
   ManifoldDevice* const device = DeviceOf(state->pool);
   if (device == nullptr) return false;
@@ -189,9 +190,13 @@ bool RefineOnDevice(const JointGuides& guides, const std::vector<float>& scales,
   const std::vector<ManifoldCall> calls =
       CallsOf(filterings, state->settings.twicing_manifolds, state->settings.reach_px);
   const ChoicePoints points = PointsToCompare(*state, {});
+  std::optional<LightFit> fit;
+  if (state->device.may_fit && HasMixedPixels(*state))
+    fit = {state->settings.regression, state->settings.knee};
   std::optional<RefinedHalves> refined =
       device->Refine({.filterings = calls,
                       .choice = state->settings.choice,
+                      .fit = fit,
                       .level = halves.level,
                       .weight = halves.weight.view(),
                       .samples = halves.samples.view(),
@@ -207,6 +212,7 @@ bool RefineOnDevice(const JointGuides& guides, const std::vector<float>& scales,
   auto& [a, b] = *refined;
   state->result = Pair({std::move(a.filtered), std::move(a.points.values)},
                        {std::move(b.filtered), std::move(b.points.values)});
+  state->device.has_fitted = fit.has_value();
   return true;
 }
 
@@ -295,6 +301,7 @@ void UseLastCandidate(LayerState* state) {
 }
 
 void RunLightRegression(LayerState* state) {
+  if (state->device.has_fitted) return;
   UseLastCandidate(state);
   const LayerSettings& settings = state->settings;
   const Candidate fitted = FitLight(state->halves, state->fragments, state->geometry, state->result,
@@ -507,6 +514,7 @@ FilteredLayer RunLayer(const std::vector<LayerStage>& stages, const LayerSetting
   const float scale = halves.scale;
   LayerState state = Open(settings, product, std::move(halves), std::move(fragments), pool);
   state.device.may_choose = !IsOff(off, "choice");
+  state.device.may_fit = !IsOff(off, "light-regression");
   for (const LayerStage& stage : stages) {
     if (IsOff(off, stage.info.name) || !stage.is_on(state)) continue;
     stage.run(&state);

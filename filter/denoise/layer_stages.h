@@ -18,7 +18,9 @@ namespace lumifold::filter {
 /// What the device of the pool, if it has one, does of a layer.
 struct DeviceWork {
   std::unique_ptr<KeptPlanes> kept;  // halves, weights and geometry, from filtering to filtering
-  bool may_choose = true;  // the choice is not switched off: it follows the second filterings in one call
+  // Stages that are not switched off, which follow the second filterings in one call:
+  bool may_choose = true, may_fit = true;
+  bool has_fitted = false;  // then the result is there
 };
 
 /// One layer of light on its way through the stages. Each stage reads what the ones before it wrote.

@@ -5,10 +5,10 @@
 #include <vector>
 
 #include "filter/denoise/firefly.h"
-#include "filter/edges/regression_params.h"
 #include "filter/layers/choice.h"
 #include "filter/layers/nlm_space.h"
 #include "filter/layers/product.h"
+#include "filter/manifold/fit_call.h"
 #include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {

@@ -12,13 +12,10 @@
 namespace lumifold::filter {
 namespace {
 
-constexpr size_t kMostTerms = 5;               // of features: the last ones, those of the surface
-constexpr size_t kMostFeatures = 8;            // that tell samples apart
-constexpr size_t kTerms = 3 + kMostTerms;      // 1, x, y, features
-constexpr size_t kSignals = 8;                 // light of half A (3), of half B (3), padded to whole vectors
-constexpr size_t kTraits = 3 + kMostFeatures;  // asinh(F / knee) / sigma_light, features
-constexpr float kMaxSignal = 1e12f;            // light over its mean: fourth powers must stay finite
-using Grid = ModelGrid<kTerms, kSignals, kTraits>;
+constexpr size_t kMostTerms = kMostLightTerms;
+constexpr size_t kMostFeatures = kMostLightFeatures;
+constexpr size_t kSignals = kLightShape.signals;
+using Grid = ModelGrid<kLightShape.terms, kSignals, 3 + kMostFeatures>;
 
 /// Reads samples of a layer: the fragments of pixels that have some, and the other pixels. All arguments
 /// outlive it.
@@ -123,7 +120,7 @@ class LightReader {
     sample->fit.power += f * f / 3;
     sample->traits[c] = Asinh(f * inverse_knee_) * inverse_light_;
     for (const float signal : {a, b, f}) {
-      if (!(std::abs(signal) < kMaxSignal)) sample->weight = 0;
+      if (!(std::abs(signal) < kMaxLightSignal)) sample->weight = 0;
     }
   }
 

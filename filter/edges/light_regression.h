@@ -1,11 +1,11 @@
 #pragma once
 
-#include "filter/edges/regression_params.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/layers/choice.h"
 #include "filter/layers/halves.h"
 #include "filter/layers/layer_fragments.h"
+#include "filter/manifold/fit_call.h"
 
 namespace lumifold::filter {
 

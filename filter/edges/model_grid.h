@@ -9,12 +9,11 @@
 #include <vector>
 
 #include "filter/edges/linear_fit.h"
-#include "filter/edges/regression_params.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/image/rect.h"
-#include "filter/kernels/box_mean.h"
 #include "filter/kernels/fit_kernels.h"
+#include "filter/manifold/fit_layout.h"
 #include "filter/manifold/manifold_device.h"
 
 namespace lumifold::filter {
@@ -45,16 +44,9 @@ class ModelGrid {
   template <typename Source>
   ModelGrid(const Source& source, const Plane& fitted, const RegressionParams& params, TaskPool* pool)
       : params_(params), bounds_{0, 0, fitted.width(), fitted.height()}, radius_(WindowRadius(params)) {
-    // Part of the window that is fitted; the sums of exact zeros are 0.
-    Planes part;
-    part.push_back(fitted.Clone());
-    const Plane ones = MakePlane(bounds_.width(), bounds_.height(), 1.0f);
-    const Plane near = std::move(BoxMeans(part, ones.view(), radius_, nullptr)[0]);
-    first_.reserve(static_cast<size_t>(bounds_.width()) * static_cast<size_t>(bounds_.height()) + 1);
-    first_.push_back(0);
-    ForEachPixel(bounds_.width(), bounds_.height(), [&](int x, int y) {
-      first_.push_back(first_.back() + (near.At(x, y) > 0 ? static_cast<int32_t>(source.Count(x, y)) : 0));
-    });
+    FitLayout layout =
+        MakeFitLayout(fitted.view(), radius_, [&](int x, int y) { return source.Count(x, y); });
+    first_ = std::move(layout.firsts);
     samples_.resize(static_cast<size_t>(first_.back()));
     ForEachPixel(pool, bounds_.width(), bounds_.height(), [&](int x, int y) {
       if (FirstOf(x, y) == EndOf(x, y)) return;
@@ -64,7 +56,7 @@ class ModelGrid {
         samples_[i].y = static_cast<float>(y);
       }
     });
-    Fit(fitted, pool);
+    Fit(layout.targets, pool);
   }
 
   /// Index of the first sample of a pixel, and one after the last.
@@ -92,17 +84,13 @@ class ModelGrid {
     return static_cast<size_t>(y) * static_cast<size_t>(bounds_.width()) + static_cast<size_t>(x);
   }
 
-  float Falloff() const { return 1.0f / (params_.sigma_px * params_.sigma_px); }
+  float Falloff() const { return FalloffOf(params_); }
 
   /// On the device of the pool, if it can.
-  void Fit(const Plane& fitted, TaskPool* pool) {
-    std::vector<int32_t> targets;
+  void Fit(const std::vector<int32_t>& targets, TaskPool* pool) {
     target_of_.assign(samples_.size(), -1);
-    for (size_t i = 0; i < samples_.size(); ++i) {
-      if (!(fitted.At(static_cast<int>(samples_[i].x), static_cast<int>(samples_[i].y)) > 0)) continue;
-      target_of_[i] = static_cast<int32_t>(targets.size());
-      targets.push_back(static_cast<int32_t>(i));
-    }
+    for (size_t t = 0; t < targets.size(); ++t)
+      target_of_[static_cast<size_t>(targets[t])] = static_cast<int32_t>(t);
     if (targets.empty()) return;
     const FitCall call = {
         kShape,           bounds_.width(),

@@ -2,11 +2,11 @@
 
 #include <vector>
 
-#include "filter/edges/regression_params.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/layers/features.h"
 #include "filter/layers/frame.h"
+#include "filter/manifold/fit_call.h"
 
 namespace lumifold::filter {
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -7,6 +8,22 @@
 #include "absl/types/span.h"
 
 namespace lumifold::filter {
+
+struct RegressionParams {
+  float sigma_px = 4;        // of a sample's weight by its distance in the picture; windows reach 1.5 sigma
+  float sigma_light = 0.3f;  // of its weight by F, stabilised
+  float slope = 4;  // deviation of a slope's prior: over a term's unit, light changes by so many times F
+};
+
+inline int WindowRadius(const RegressionParams& params) {
+  return static_cast<int>(std::lround(1.5f * params.sigma_px));
+}
+
+/// Radius in pixels of what a pixel of a regression depends on.
+inline int RegressionWindow(const RegressionParams& params) { return 2 * WindowRadius(params); }
+
+/// 1 / sigma^2 of a sample's weight by its distance.
+inline float FalloffOf(const RegressionParams& params) { return 1.0f / (params.sigma_px * params.sigma_px); }
 
 // Constants of the local linear models of ModelGrid (filter/edges/model_grid.h), which devices fit, too.
 
@@ -30,6 +47,16 @@ struct FitShape {
   constexpr int32_t Sample() const { return Row() + 2 + traits + 3; }
   auto operator<=>(const FitShape&) const = default;
 };
+
+// Samples of FitLight (filter/edges/light_regression.h), which devices read by themselves.
+
+inline constexpr int kMostLightTerms = 5;        // of features: the last ones, those of the surface
+inline constexpr int kMostLightFeatures = 8;     // that tell samples apart
+inline constexpr float kMaxLightSignal = 1e12f;  // light over its mean: fourth powers must stay finite
+/// Terms: 1, x, y, features. Signals: light of half A (3), of half B (3), padded to whole vectors. Traits:
+/// asinh(F / knee) / sigma_light, features; padded.
+inline constexpr FitShape kLightShape = {3 + kMostLightTerms, 8, 12};
+static_assert(3 + kMostLightFeatures <= kLightShape.traits);
 
 /// Samples to which models are fitted, as ModelGrid has them, pixel by pixel.
 struct FitCall {

@@ -2,9 +2,11 @@
 
 #include <array>
 #include <cstddef>
+#include <optional>
 
 #include "absl/types/span.h"
 #include "filter/image/plane.h"
+#include "filter/manifold/fit_call.h"
 
 namespace lumifold::filter {
 
@@ -32,13 +34,22 @@ inline constexpr int kMostKinds = 3;
 /// Part of a window's sum that one pixel may have.
 inline constexpr float kMostLeverage = 0.99f;
 
-/// Further filterings of a layer whose first one is known, and the choice between all. Values of points: 3 of
+/// The fit of light that follows the choice, as FitLight has it.
+struct LightFit {
+  RegressionParams params;
+  float knee = 1;
+};
+
+/// Further filterings of a layer whose first one is known, the choice between all, and the fit of light with
+/// its own choice. Values of points: 3 of
 /// each, or one; index 0 of a pair is half A, 1 is half B.
 struct RefineCall {
   /// Of half A by each range, then the same of half B. All have the same signals, the noisy halves; their
-  /// bases, the first filtering; and points. Signals of points are what the base leaves.
+  /// bases, the first filtering; features, the geometry; and points, whose weights are the shares of their
+  /// fragments. Signals of points are what the base leaves.
   absl::Span<const ManifoldCall> filterings;
   ChoiceParams choice;
+  std::optional<LightFit> fit;                           // then there are mixed pixels
   float level = 1;                                       // Halves::level
   ConstFloatView weight;                                 // Halves::weight
   ConstFloatView samples;                                // Halves::samples

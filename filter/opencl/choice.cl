@@ -3,7 +3,7 @@
 //
 // The host defines the constants of filter/manifold/refine_call.h by their names.
 //
-// Layouts: a picture is two halves of three planes of sites. A run is the points of one pixel; `firsts`: of each run, its first
+// Layouts: pictures as shared.cl has them. A run is the points of one pixel; `firsts`: of each run, its first
 // point, and the end of the last. Sums over cells: plane TERMS * kind + term. No sum crosses work-items; those over a window have
 // the order of CorrelateRows (filter/kernels/row_kernels.h).
 
@@ -15,9 +15,6 @@ size_t PixelOfPoint(int point, Grid grid, __global const int* places) {
 size_t PixelOfSite(size_t site, Grid grid, __global const int* places) {
   return site < PixelsOf(grid) ? site : PixelOfPoint((int)(site - PixelsOf(grid)), grid, places);
 }
-// Where plane c of a half begins in a picture.
-size_t PlaneOf(int half_of, int c, Grid grid) { return (3 * half_of + c) * SitesOf(grid); }
-
 // A filtered half with its base. Points that the filter found nothing for get their own light, if they have `weights`.
 __kernel void TakeFiltered(Grid grid, int half_of, __global const float* weights, __global const float* found,
                            __global const float* signals, __global const float* filtered, __global const float* base,

@@ -19,6 +19,7 @@
 #include "filter/opencl/choice_source.h"
 #include "filter/opencl/covariance_source.h"
 #include "filter/opencl/fit_source.h"
+#include "filter/opencl/light_source.h"
 #include "filter/opencl/manifold_source.h"
 #include "filter/opencl/opencl_library.h"
 #include "filter/opencl/probe_source.h"
@@ -117,14 +118,17 @@ ProgramText TextOf(const KernelOptions& options, bool has_doubles) {
 
 ProgramText TextOf(const FitShape& shape, bool) {
   ProgramText text = {
-      {kProbeKernels, kFitKernels},
-      absl::StrFormat("-DFIT_TERMS=%d -DFIT_SIGNALS=%d -DFIT_TRAITS=%d -DMOST_FIT_ROW=%d -DkFitStep=%d",
-                      shape.terms, shape.signals, shape.traits, shape.Row(), kFitStep)};
+      {kProbeKernels, kSharedKernels, kFitKernels, kLightKernels},
+      absl::StrFormat("-DFIT_TERMS=%d -DFIT_SIGNALS=%d -DFIT_TRAITS=%d -DMOST_FIT_ROW=%d -DkFitStep=%d "
+                      "-DkMostLightTerms=%d -DkMostLightFeatures=%d",
+                      shape.terms, shape.signals, shape.traits, shape.Row(), kFitStep, kMostLightTerms,
+                      kMostLightFeatures)};
   Define({{"kMinFitPower", kMinFitPower},
           {"kMinFitRidge", kMinFitRidge},
           {"kMaxFitRidge", kMaxFitRidge},
           {"kMinModelWeight", kMinModelWeight},
-          {"kMaxFitSquare", kMaxFitSquare}},
+          {"kMaxFitSquare", kMaxFitSquare},
+          {"kMaxLightSignal", kMaxLightSignal}},
          &text.options);
   return text;
 }

@@ -5,11 +5,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <initializer_list>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
+#include "filter/manifold/fit_layout.h"
 #include "filter/opencl/device_planes.h"
+#include "filter/opencl/fit_run.h"
 #include "filter/opencl/manifold_run.h"
 
 namespace lumifold::filter {
@@ -41,6 +44,57 @@ struct RefineSizes {
   int32_t kinds = 1;
   uint64_t candidates = 0;
 };
+
+/// The samples of the fit of light, and where they are.
+struct LightLayout {
+  explicit LightLayout(const RefineCall& call) {
+    const ManifoldCall& first = call.filterings.front();
+    const auto width = static_cast<size_t>(first.mask.width());
+    const size_t pixels = width * static_cast<size_t>(first.mask.height());
+    std::vector<std::vector<int32_t>> points(first.points != nullptr ? pixels : 0);
+    const auto index_of = [&](int x, int y) {
+      return static_cast<size_t>(y) * width + static_cast<size_t>(x);
+    };
+    for (size_t i = 0; first.points != nullptr && i < first.points->pixels.size(); ++i) {
+      const auto& [x, y] = first.points->pixels[i];
+      points[index_of(x, y)].push_back(static_cast<int32_t>(pixels + i));
+    }
+    const auto sites_at = [&](int x, int y) {
+      const size_t pixel = index_of(x, y);
+      return points.empty() || points[pixel].empty() ? std::vector{static_cast<int32_t>(pixel)}
+                                                     : points[pixel];
+    };
+    FitLayout layout = MakeFitLayout(call.mixed, WindowRadius(call.fit->params),
+                                     [&](int x, int y) { return sites_at(x, y).size(); });
+    firsts = std::move(layout.firsts);
+    targets = std::move(layout.targets);
+    for (size_t pixel = 0; pixel < pixels; ++pixel) {
+      if (firsts[pixel] == firsts[pixel + 1]) continue;
+      const bool is_on_grid = pixel % width % kFitStep == 0 && pixel / width % kFitStep == 0;
+      for (const int32_t site : sites_at(static_cast<int>(pixel % width), static_cast<int>(pixel / width))) {
+        sites.push_back(site);
+        on_grid.push_back(is_on_grid);
+      }
+    }
+    for (const int32_t target : targets) most_centres += on_grid[static_cast<size_t>(target)] ? 1 : 0;
+  }
+
+  std::vector<int32_t> firsts, targets;
+  std::vector<int32_t> sites;  // of each sample
+  std::vector<bool> on_grid;   // whether it may be the centre of a model
+  uint64_t most_centres = 0;
+};
+
+FitOnDevice FitOf(const RefineCall& call, const LightLayout& layout) {
+  const ConstFloatView& mask = call.filterings.front().mask;
+  return {
+      .shape = kLightShape,
+      .window = {mask.width(), mask.height(), WindowRadius(call.fit->params), FalloffOf(call.fit->params)},
+      .slope = call.fit->params.slope,
+      .firsts = layout.firsts,
+      .targets = layout.targets,
+      .centres = {}};
+}
 
 DeviceMemory BytesOf(std::initializer_list<uint64_t> floats) {
   DeviceMemory need = {0, 0};
@@ -77,9 +131,27 @@ DeviceMemory ChoiceNeed(const RefineSizes& sizes) {
                                sizes.points, sizes.points}));
 }
 
+/// What the fit needs besides.
+DeviceMemory FitNeed(const RefineCall& call, const RefineSizes& sizes, const LightLayout& layout) {
+  const uint64_t samples = layout.sites.size();
+  return More(BytesOf({call.filterings.front().features.size() * sizes.sites, samples, samples}),
+              LeastMemory(FitOf(call, layout), layout.most_centres));
+}
+
+/// What is there after the filterings, beside what they leave.
+DeviceMemory AfterNeed(const RefineCall& call, const RefineSizes& sizes,
+                       const std::optional<LightLayout>& layout) {
+  const DeviceMemory choice = ChoiceNeed(sizes);
+  return layout.has_value() ? More(choice, FitNeed(call, sizes, *layout)) : choice;
+}
+
+std::optional<LightLayout> LayoutOf(const RefineCall& call) {
+  return call.fit.has_value() ? std::optional<LightLayout>(call) : std::nullopt;
+}
+
 CallsPlan PlanOf(const RefineCall& call, const DeviceMemory& memory) {
   const RefineSizes sizes(call);
-  return PlanOf(call.filterings, Less(memory, KeptNeed(sizes)), ChoiceNeed(sizes));
+  return PlanOf(call.filterings, Less(memory, KeptNeed(sizes)), AfterNeed(call, sizes, LayoutOf(call)));
 }
 
 /// One call; its work is in the order of the members.
@@ -90,6 +162,7 @@ class RefineRun {
         run_(*run),
         sizes_(call),
         plan_(PlanOf(call, memory)),
+        memory_(memory),
         from_(call.filterings, plan_.planes_stay, run) {}
 
   absl::StatusOr<RefinedHalves> Run() {
@@ -98,6 +171,12 @@ class RefineRun {
     UploadNoisy();
     WeighErrors();
     for (const Buffer candidate : candidates_) Compare(candidate);
+    if (call_.fit.has_value()) {
+      if (absl::Status status = Fit(candidates_.front()); !status.ok()) return status;
+      run_.Use(ChoiceProgram{});
+      WeighErrors();
+      Compare(candidates_.front());
+    }
     if (absl::Status status = run_.Finish(); !status.ok()) return status;
     RefinedHalves halves;
     for (size_t h = 0; h < 2; ++h) {
@@ -280,10 +359,78 @@ class RefineRun {
     }
   }
 
+  /// The features of all sites.
+  Buffer UploadGeometry() {
+    const ManifoldCall& first = FirstOf(0);
+    const size_t count = first.features.size();
+    const Buffer geometry = Floats(count * sizes_.sites);
+    const size_t own = first.points != nullptr ? first.points->own_features : 0;
+    std::vector<float> of_points(sizes_.points);
+    for (size_t k = 0; k < count; ++k) {
+      const size_t at = k * sizes_.sites * sizeof(float);
+      from_.Put(first.features[k], geometry, at);
+      for (size_t i = 0; i < of_points.size(); ++i) {
+        const auto& [x, y] = first.points->pixels[i];
+        of_points[i] = k + own < count ? first.features[k].At(x, y)
+                                       : first.points->features[i * own + (k + own - count)];
+      }
+      run_.Write(geometry, at + sizes_.pixels * sizeof(float), of_points.data(),
+                 of_points.size() * sizeof(float));
+    }
+    return geometry;
+  }
+
+  /// The samples of the fit, of which those with weight on the grid are centres. Sets their weights.
+  absl::Status MakeSamples(const LightLayout& layout, Buffer sites, Buffer weights, FitOnDevice* fit) {
+    const RegressionParams& params = call_.fit->params;
+    const Buffer geometry = UploadGeometry();
+    fit->samples = Floats(layout.sites.size() * static_cast<size_t>(kLightShape.Sample()));
+    run_.Use(kLightShape);
+    run_.Run("LightSamples", layout.sites.size(),
+             {sizes_.grid, Int(layout.sites.size()), Int(FirstOf(0).features.size()), 1.0f / params.sigma_px,
+              1.0f / params.sigma_light, 1.0f / call_.fit->knee, 1.0f / call_.level, sites, points_.places,
+              layer_.masks[0], layer_.masks[1], points_.shares[0], points_.shares[1], layer_.noisy, picture_,
+              geometry, fit->samples, weights});
+    if (absl::Status status = run_.Finish(); !status.ok()) return status;
+    std::vector<float> of_samples(layout.sites.size());
+    absl::Status status = run_.Read(weights, 0, of_samples.size() * sizeof(float), of_samples.data());
+    for (const int32_t target : layout.targets) {
+      const auto sample = static_cast<size_t>(target);
+      if (layout.on_grid[sample] && of_samples[sample] > 0) fit->centres.push_back(target);
+    }
+    return status;
+  }
+
+  /// Makes `fitted` what the fit of the picture says.
+  absl::Status Fit(Buffer fitted) {
+    run_.Copy(picture_, fitted, 0, kPicturePlanes * sizes_.sites * sizeof(float));
+    const LightLayout layout(call_);
+    if (layout.targets.empty()) return absl::OkStatus();
+    const Buffer sites = Upload(absl::MakeConstSpan(layout.sites)), weights = Floats(layout.sites.size());
+    FitOnDevice fit = FitOf(call_, layout);
+    if (absl::Status status = MakeSamples(layout, sites, weights, &fit); !status.ok()) return status;
+    const absl::StatusOr<FittedOnDevice> found = RunDeviceFit(fit, LeftToFit(layout), &run_);
+    if (!found.ok()) return found.status();
+    run_.Run("TakeFit", layout.targets.size(),
+             {sizes_.grid, Int(layout.targets.size()), call_.level, found->targets, sites, weights,
+              found->values, found->totals, fitted});
+    return absl::OkStatus();
+  }
+
+  /// The memory of the fit and its samples.
+  DeviceMemory LeftToFit(const LightLayout& layout) const {
+    const DeviceMemory least = LeastMemory(FitOf(call_, layout), layout.most_centres);
+    const DeviceMemory other = Less(FitNeed(call_, sizes_, layout), least);
+    const uint64_t shared =
+        plan_.planes_stay ? SharedPlanes(call_.filterings) * sizes_.pixels * sizeof(float) : 0;
+    return Less(Less(memory_, {shared, 0}), More(More(KeptNeed(sizes_), ChoiceNeed(sizes_)), other));
+  }
+
   const RefineCall& call_;
   KernelRun& run_;
   const RefineSizes sizes_;
   const CallsPlan plan_;
+  const DeviceMemory memory_;
   DevicePlanes from_;
   Points points_;
   Buffer picture_ = {};
@@ -296,7 +443,7 @@ class RefineRun {
 
 DeviceMemory LeastMemory(const RefineCall& call) {
   const RefineSizes sizes(call);
-  const DeviceMemory least = LeastMemory(call.filterings), after = ChoiceNeed(sizes);
+  const DeviceMemory least = LeastMemory(call.filterings), after = AfterNeed(call, sizes, LayoutOf(call));
   return More({std::max(least.whole, after.whole), std::max(least.largest, after.largest)}, KeptNeed(sizes));
 }
 

@@ -16,6 +16,9 @@ size_t PixelsOf(Grid grid) { return (size_t)grid.width * (size_t)grid.height; }
 size_t SitesOf(Grid grid) { return PixelsOf(grid) + (size_t)grid.points; }
 size_t CellsOf(Grid grid) { return (size_t)grid.columns * (size_t)grid.rows; }
 
+// Where plane c of a half begins in a picture, which is two halves of three planes of sites.
+size_t PlaneOf(int half_of, int c, Grid grid) { return (3 * half_of + c) * SitesOf(grid); }
+
 float Least(float a, float b) { return b < a ? b : a; }
 float Greatest(float a, float b) { return a < b ? b : a; }
 

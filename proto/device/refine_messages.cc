@@ -14,21 +14,25 @@ namespace {
 using filter::ManifoldCall;
 using filter::RefineCall;
 
+constexpr float kMostSigma = 40;  // of fits, pixels: windows are within kMostRadius
+
 /// Without padding.
 struct RefineHeader {
   int32_t widest_radius, wide_radius, narrow_radius, blend_radius;
   float significance, dim, level;
+  uint32_t fits;
+  float sigma_px, sigma_light, slope, knee;  // of the fit
 };
 
 RefineHeader HeaderOf(const RefineCall& call) {
   const filter::ChoiceParams& choice = call.choice;
-  return {choice.widest_radius,
-          choice.wide_radius,
-          choice.narrow_radius,
-          choice.blend_radius,
-          choice.significance,
-          choice.dim,
-          call.level};
+  const filter::LightFit fit = call.fit.value_or(filter::LightFit{});
+  return {choice.widest_radius, choice.wide_radius,
+          choice.narrow_radius, choice.blend_radius,
+          choice.significance,  choice.dim,
+          call.level,           call.fit.has_value() ? 1U : 0U,
+          fit.params.sigma_px,  fit.params.sigma_light,
+          fit.params.slope,     fit.knee};
 }
 
 bool IsValid(const RefineHeader& header) {
@@ -36,7 +40,9 @@ bool IsValid(const RefineHeader& header) {
   const auto is_radius = [](int32_t radius, int32_t most) { return radius >= 0 && radius <= most; };
   return is_radius(header.widest_radius, kMostSide) && is_radius(header.wide_radius, kMostSide) &&
          is_radius(header.narrow_radius, kMostRadius) && is_radius(header.blend_radius, kMostRadius) &&
-         std::isfinite(header.significance) && std::isfinite(header.dim) && std::isfinite(header.level);
+         std::isfinite(header.significance) && std::isfinite(header.dim) && std::isfinite(header.level) &&
+         IsPositive(header.sigma_px, kMostSigma) && std::isfinite(header.sigma_light) &&
+         std::isfinite(header.slope) && std::isfinite(header.knee);
 }
 
 size_t PointsOf(absl::Span<const ManifoldCall> calls) {
@@ -49,6 +55,7 @@ bool HasHalves(absl::Span<const ManifoldCall> calls) {
   return calls.size() % 2 == 0 && std::all_of(calls.begin(), calls.end(), [&](const ManifoldCall& call) {
            if (call.signals.size() != 3 || call.bases.size() != 3) return false;
            if (call.points == nullptr) return points == 0;
+           if (call.points->own_features > call.features.size()) return false;
            return call.points->pixels.size() == points && call.points->weights.size() == points &&
                   call.points->signals.size() == 3 * points;
          });
@@ -87,6 +94,7 @@ RefineCall ReceivedRefinement::View(absl::Span<const ManifoldCall> calls) const 
 bool CanSend(const RefineCall& call) {
   const size_t points = call.filterings.empty() ? 0 : PointsOf(call.filterings);
   return CanSend(call.filterings) && HasHalves(call.filterings) && IsValid(HeaderOf(call)) &&
+         !(call.fit.has_value() && call.mixed.IsEmpty()) &&
          ForEachList(call,
                      [&](const auto& list, size_t of_point) { return list.size() == points * of_point; });
 }
@@ -113,6 +121,10 @@ std::optional<ReceivedRefinement> ReceiveRefinement(KeptPlanesOfCaller* kept, So
   refinement.call.choice = {header.widest_radius, header.wide_radius,  header.narrow_radius,
                             header.blend_radius,  header.significance, header.dim};
   refinement.call.level = header.level;
+  if (header.fits != 0) {
+    if (refinement.filterings.others[4].IsEmpty()) return std::nullopt;
+    refinement.call.fit = {{header.sigma_px, header.sigma_light, header.slope}, header.knee};
+  }
   const size_t points = PointsOf(filterings);
   if (!ForEachList(refinement,
                    [&](auto& list, size_t of_point) { return ReceiveList(points * of_point, from, &list); }))

@@ -42,12 +42,13 @@ class RefineMessages : public testing::Test {
   filter::RefineCall Call(const std::vector<filter::ManifoldCall>& filterings) const {
     return {.filterings = filterings,
             .choice = choice_,
+            .fit = fit_,
             .level = level_,
             .weight = input_.mask.view(),
             .samples = input_.features[0].view(),
             .light = {},
             .expected = {},
-            .mixed = input_.features[1].view(),
+            .mixed = has_mixed_ ? input_.features[1].view() : ConstFloatView{},
             .noisy = {lists_[0], lists_[1]},
             .base = {lists_[1], lists_[0]},
             .coverage = {coverage_[0], coverage_[1]},
@@ -77,6 +78,8 @@ class RefineMessages : public testing::Test {
   filter::ManifoldParams params_ = {.height = 3, .keeps_mass = true};
   size_t filterings_ = 4;
   filter::ChoiceParams choice_;
+  std::optional<filter::LightFit> fit_ = {{{3, 0.5f, 2}, 0.2f}};
+  bool has_mixed_ = true;
   float level_ = 0.75f;
   std::array<std::vector<float>, 2> lists_, coverage_;
 };
@@ -91,6 +94,11 @@ TEST_F(RefineMessages, ArriveAsTheyWere) {
   EXPECT_EQ(call.choice.blend_radius, 4);
   EXPECT_EQ(call.choice.significance, 9);
   EXPECT_EQ(call.level, 0.75f);
+  const filter::LightFit fit = Present(call.fit);
+  EXPECT_EQ(fit.params.sigma_px, 3);
+  EXPECT_EQ(fit.params.sigma_light, 0.5f);
+  EXPECT_EQ(fit.params.slope, 2);
+  EXPECT_EQ(fit.knee, 0.2f);
   EXPECT_EQ(call.weight.At(3, 40), input_.mask.At(3, 40));
   EXPECT_EQ(call.samples.At(3, 40), input_.features[0].At(3, 40));
   EXPECT_EQ(call.mixed.At(3, 40), input_.features[1].At(3, 40));
@@ -100,6 +108,8 @@ TEST_F(RefineMessages, ArriveAsTheyWere) {
   EXPECT_EQ(call.point_samples, absl::MakeConstSpan(coverage_[1]));
   const std::vector<filter::ManifoldCall> sent = Filterings();
   EXPECT_TRUE(CanSend(Call(sent)));
+  fit_.reset();
+  EXPECT_FALSE(Present(Received()).call.fit.has_value());
 }
 
 TEST_F(RefineMessages, OfNoValidRefinementAreRefused) {
@@ -115,6 +125,17 @@ TEST_F(RefineMessages, OfNoValidRefinementAreRefused) {
     }
     *radius = valid;
   }
+  for (const float sigma : {0.0f, -1.0f, 41.0f, std::numeric_limits<float>::quiet_NaN()}) {
+    fit_->params.sigma_px = sigma;
+    ExpectRefused("a fit over windows of no size");
+  }
+  fit_->params.sigma_px = 3;
+  has_mixed_ = false;
+  ExpectRefused("a fit without mixed pixels");
+  has_mixed_ = true;
+  for (filter::SlicePoints& of_half : points_) of_half.own_features = 5;
+  ExpectRefused("points with more features than the geometry");
+  for (filter::SlicePoints& of_half : points_) of_half.own_features = 2;
   level_ = std::numeric_limits<float>::quiet_NaN();
   ExpectRefused("light of no level");
   level_ = 1;

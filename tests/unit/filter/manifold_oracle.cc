@@ -57,6 +57,7 @@ int FIT_SIGNALS = 1;
 int FIT_TRAITS = 4;
 constexpr int MOST_FIT_ROW = 24;
 #include "filter/opencl/fit.cl"
+#include "filter/opencl/light.cl"
 
 }  // namespace kernels
 
@@ -158,7 +159,8 @@ void RunInCpp::Run(const char* kernel, size_t items, std::initializer_list<Argum
       LUMIFOLD_CALL(LightOf) || LUMIFOLD_CALL(WeighErrors) || LUMIFOLD_CALL(WeighErrorsOfPoints) ||
       LUMIFOLD_CALL(TermsOfPixels) || LUMIFOLD_CALL(TermsOfPoints) || LUMIFOLD_CALL(TermsOfCells) ||
       LUMIFOLD_CALL(SumRowsOfCells) || LUMIFOLD_CALL(RefineCells) || LUMIFOLD_CALL(ShareOfCells) ||
-      LUMIFOLD_CALL(RefinePixels) || LUMIFOLD_CALL(SmoothShare) || LUMIFOLD_CALL(MoveTowards);
+      LUMIFOLD_CALL(RefinePixels) || LUMIFOLD_CALL(SmoothShare) || LUMIFOLD_CALL(MoveTowards) ||
+      LUMIFOLD_CALL(LightSamples) || LUMIFOLD_CALL(TakeFit);
 #undef LUMIFOLD_CALL
   LUMIFOLD_CHECK(is_known);
 }

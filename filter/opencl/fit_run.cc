@@ -33,15 +33,9 @@ struct FitSizes {
 
 /// With so many models at a time.
 DeviceMemory NeedOf(const FitSizes& sizes, uint64_t models) {
-  DeviceMemory need = {0, 0};
-  for (const uint64_t floats :
-       {sizes.samples, sizes.firsts, sizes.of_samples, sizes.targets, sizes.centres,
-        sizes.centres * sizes.model, models * sizes.sums, models, sizes.values, sizes.targets,
-        /*that lack a model*/ sizes.targets, sizes.targets, models * sizes.model}) {
-    need.whole += floats * sizeof(float);
-    need.largest = std::max(need.largest, floats * sizeof(float));
-  }
-  return need;
+  return Together({sizes.samples, sizes.firsts, sizes.of_samples, sizes.targets, sizes.centres,
+                   sizes.centres * sizes.model, models * sizes.sums, models, sizes.values, sizes.targets,
+                   /*that lack a model*/ sizes.targets, sizes.targets, models * sizes.model});
 }
 
 /// The most models at a time, of all that there may be.
@@ -58,13 +52,13 @@ class FitRun {
       : fit_(fit), run_(*run), sizes_(fit), most_(ModelsIn(memory, sizes_)) {}
 
   absl::StatusOr<FittedOnDevice> Run() {
-    firsts_ = Upload(fit_.firsts);
-    targets_ = Upload(fit_.targets);
-    sums_ = Floats(most_ * sizes_.sums);
-    weights_ = Floats(most_);
+    firsts_ = run_.Upload(fit_.firsts);
+    targets_ = run_.Upload(fit_.targets);
+    sums_ = run_.Floats(most_ * sizes_.sums);
+    weights_ = run_.Floats(most_);
     FitCentres();
-    values_ = Floats(sizes_.values);
-    totals_ = Floats(sizes_.targets);
+    values_ = run_.Floats(sizes_.values);
+    totals_ = run_.Floats(sizes_.targets);
     run_.Run("FitValues", sizes_.targets,
              {fit_.window, Int(sizes_.targets), targets_, firsts_, fit_.samples, model_of_, models_, values_,
               totals_});
@@ -79,13 +73,6 @@ class FitRun {
 
  private:
   static int32_t Int(uint64_t count) { return static_cast<int32_t>(count); }
-  Buffer Floats(uint64_t count) { return run_.Allocate(count * sizeof(float)); }
-  template <typename T>
-  Buffer Upload(absl::Span<const T> values) {
-    const Buffer buffer = run_.Allocate(values.size() * sizeof(T));
-    run_.Write(buffer, 0, values.data(), values.size() * sizeof(T));
-    return buffer;
-  }
 
   /// The models of some centres, from the model `to` on.
   void Fit(uint64_t count, uint64_t from, Buffer centres, uint64_t to, Buffer models) {
@@ -97,9 +84,9 @@ class FitRun {
   void FitCentres() {
     std::vector<int32_t> model_of(sizes_.of_samples, -1);
     for (size_t i = 0; i < fit_.centres.size(); ++i) model_of[static_cast<size_t>(fit_.centres[i])] = Int(i);
-    model_of_ = Upload(absl::MakeConstSpan(model_of));
-    models_ = Floats(sizes_.centres * sizes_.model);
-    const Buffer all = Upload(absl::MakeConstSpan(fit_.centres));
+    model_of_ = run_.Upload(model_of);
+    models_ = run_.Floats(sizes_.centres * sizes_.model);
+    const Buffer all = run_.Upload(fit_.centres);
     for (uint64_t first = 0; first < sizes_.centres; first += most_)
       Fit(std::min(most_, sizes_.centres - first), first, all, first, models_);
     run_.Release(all);
@@ -118,9 +105,9 @@ class FitRun {
     }
     run_.Release(model_of_);
     if (samples.empty()) return;
-    const Buffer own = Floats(std::min<uint64_t>(most_, samples.size()) * sizes_.model);
-    const Buffer centres = Upload(absl::MakeConstSpan(samples));
-    const Buffer lacking = Upload(absl::MakeConstSpan(numbers));
+    const Buffer own = run_.Floats(std::min<uint64_t>(most_, samples.size()) * sizes_.model);
+    const Buffer centres = run_.Upload(samples);
+    const Buffer lacking = run_.Upload(numbers);
     for (uint64_t first = 0; first < samples.size(); first += most_) {
       const uint64_t count = std::min<uint64_t>(most_, samples.size() - first);
       Fit(count, first, centres, 0, own);
@@ -171,8 +158,7 @@ DeviceMemory TakenMemory(const FitCall& call, const DeviceMemory& memory) {
 
 absl::StatusOr<FitResult> RunFit(const FitCall& call, const DeviceMemory& memory, KernelRun* run) {
   FitOnDevice fit = FitOf(call);
-  fit.samples = run->Allocate(call.samples.size() * sizeof(float));
-  run->Write(fit.samples, 0, call.samples.data(), call.samples.size() * sizeof(float));
+  fit.samples = run->Upload(call.samples);
   const absl::StatusOr<FittedOnDevice> fitted = RunDeviceFit(fit, memory, run);
   if (!fitted.ok()) return fitted.status();
   FitResult result = {std::vector<float>(call.targets.size() * static_cast<size_t>(call.shape.signals)),

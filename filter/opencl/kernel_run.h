@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <compare>
 #include <cstddef>
 #include <cstdint>
@@ -53,6 +54,16 @@ struct DeviceMemory {
   bool Holds(const DeviceMemory& need) const { return need.whole <= whole && need.largest <= largest; }
 };
 
+/// Buffers that are there at the same time, by their numbers of floats.
+inline DeviceMemory Together(std::initializer_list<uint64_t> floats) {
+  DeviceMemory need = {0, 0};
+  for (const uint64_t count : floats) {
+    need.whole += count * sizeof(float);
+    need.largest = std::max(need.largest, count * sizeof(float));
+  }
+  return need;
+}
+
 /// One use of the kernels: memory, and work in the order of the calls. After an error the calls do nothing.
 /// Threads: one.
 class KernelRun {
@@ -80,6 +91,16 @@ class KernelRun {
   virtual absl::Status Finish() = 0;
   /// After Finish().
   virtual absl::Status Read(Buffer from, size_t offset, size_t bytes, void* to) = 0;
+
+  Buffer Floats(uint64_t count) { return Allocate(count * sizeof(float)); }
+  /// A buffer of these values.
+  template <typename Values>
+  Buffer Upload(const Values& values) {
+    const size_t bytes = values.size() * sizeof(values[0]);
+    const Buffer buffer = Allocate(bytes);
+    Write(buffer, 0, values.data(), bytes);
+    return buffer;
+  }
 };
 
 }  // namespace lumifold::filter

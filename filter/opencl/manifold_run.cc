@@ -73,10 +73,8 @@ class ManifoldRun {
   }
   template <typename Values>
   Buffer Upload(const Values& values) {
-    const size_t bytes = values.size() * sizeof(values[0]);
-    const Buffer buffer = Bytes(bytes);
-    run_.Write(buffer, 0, values.data(), bytes);
-    return buffer;
+    own_.push_back(run_.Upload(values));
+    return own_.back();
   }
   /// Writes value(i) for each point i behind the pixels of plane k.
   template <typename Value>
@@ -412,8 +410,9 @@ absl::StatusOr<std::vector<ManifoldResult>> RunManifolds(absl::Span<const Manifo
   absl::Status status =
       RunEach(calls, plan.of_calls, &planes, run, [&](size_t i, const FilteredSites& sites) {
         absl::StatusOr<ManifoldResult> result = ResultOf(calls[i], sites, run);
-        if (result.ok()) results.push_back(*std::move(result));
-        return result.status();
+        if (!result.ok()) return result.status();
+        results.push_back(*std::move(result));
+        return absl::OkStatus();
       });
   if (!status.ok()) return status;
   return results;

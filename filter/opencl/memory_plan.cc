@@ -1,27 +1,12 @@
 #include "filter/opencl/memory_plan.h"
 
 #include <algorithm>
-#include <initializer_list>
 
 #include "filter/manifold/lattice.h"
 #include "filter/manifold/manifold_constants.h"
 #include "filter/opencl/manifold_run.h"
 
 namespace lumifold::filter {
-namespace {
-
-/// Buffers that are there at the same time, by their numbers of floats.
-DeviceMemory Together(std::initializer_list<uint64_t> floats) {
-  DeviceMemory need = {0, 0};
-  for (const uint64_t count : floats) {
-    need.whole += count * sizeof(float);
-    need.largest = std::max(need.largest, count * sizeof(float));
-  }
-  return need;
-}
-
-}  // namespace
-
 ManifoldSizes::ManifoldSizes(const ManifoldCall& call)
     : options(KernelsOf(call)),
       levels(call.params.height),

@@ -47,7 +47,7 @@ struct RefineSizes {
 
 /// The samples of the fit of light, and where they are.
 struct LightLayout {
-  explicit LightLayout(const RefineCall& call) {
+  LightLayout(const RefineCall& call, const LightFit& light_fit) : fit(light_fit) {
     const ManifoldCall& first = call.filterings.front();
     const auto width = static_cast<size_t>(first.mask.width());
     const size_t pixels = width * static_cast<size_t>(first.mask.height());
@@ -64,7 +64,7 @@ struct LightLayout {
       return points.empty() || points[pixel].empty() ? std::vector{static_cast<int32_t>(pixel)}
                                                      : points[pixel];
     };
-    FitLayout layout = MakeFitLayout(call.mixed, WindowRadius(call.fit->params),
+    FitLayout layout = MakeFitLayout(call.mixed, WindowRadius(fit.params),
                                      [&](int x, int y) { return sites_at(x, y).size(); });
     firsts = std::move(layout.firsts);
     targets = std::move(layout.targets);
@@ -79,6 +79,7 @@ struct LightLayout {
     for (const int32_t target : targets) most_centres += on_grid[static_cast<size_t>(target)] ? 1 : 0;
   }
 
+  LightFit fit;
   std::vector<int32_t> firsts, targets;
   std::vector<int32_t> sites;  // of each sample
   std::vector<bool> on_grid;   // whether it may be the centre of a model
@@ -89,20 +90,11 @@ FitOnDevice FitOf(const RefineCall& call, const LightLayout& layout) {
   const ConstFloatView& mask = call.filterings.front().mask;
   return {
       .shape = kLightShape,
-      .window = {mask.width(), mask.height(), WindowRadius(call.fit->params), FalloffOf(call.fit->params)},
-      .slope = call.fit->params.slope,
+      .window = {mask.width(), mask.height(), WindowRadius(layout.fit.params), FalloffOf(layout.fit.params)},
+      .slope = layout.fit.params.slope,
       .firsts = layout.firsts,
       .targets = layout.targets,
       .centres = {}};
-}
-
-DeviceMemory BytesOf(std::initializer_list<uint64_t> floats) {
-  DeviceMemory need = {0, 0};
-  for (const uint64_t count : floats) {
-    need.whole += count * sizeof(float);
-    need.largest = std::max(need.largest, count * sizeof(float));
-  }
-  return need;
 }
 
 DeviceMemory Less(DeviceMemory memory, const DeviceMemory& taken) {
@@ -115,8 +107,8 @@ DeviceMemory More(DeviceMemory memory, const DeviceMemory& other) {
 
 /// The pictures that filterings leave behind, and what tells of points.
 DeviceMemory KeptNeed(const RefineSizes& sizes) {
-  DeviceMemory need = BytesOf({kPicturePlanes * sizes.sites, sizes.points, sizes.points, sizes.points + 1,
-                               2 * sizes.points, sizes.points, sizes.points});
+  DeviceMemory need = Together({kPicturePlanes * sizes.sites, sizes.points, sizes.points, sizes.points + 1,
+                                2 * sizes.points, sizes.points, sizes.points});
   need.whole += sizes.candidates * kPicturePlanes * sizes.sites * sizeof(float);
   return need;
 }
@@ -126,15 +118,15 @@ DeviceMemory ChoiceNeed(const RefineSizes& sizes) {
   const uint64_t plane = sizes.pixels, cells = static_cast<uint64_t>(sizes.kinds) * sizes.cells_in_all;
   // Samples, expected, weight, masks, mixed, light, weights of errors, kinds, shares twice, and terms.
   const DeviceMemory planes =
-      BytesOf({plane, plane, plane, plane, plane, plane, plane, plane, plane, plane, plane, 3 * plane});
-  return More(planes, BytesOf({kPicturePlanes * sizes.sites, kTerms * cells, kTerms * cells, cells,
-                               sizes.points, sizes.points}));
+      Together({plane, plane, plane, plane, plane, plane, plane, plane, plane, plane, plane, 3 * plane});
+  return More(planes, Together({kPicturePlanes * sizes.sites, kTerms * cells, kTerms * cells, cells,
+                                sizes.points, sizes.points}));
 }
 
 /// What the fit needs besides.
 DeviceMemory FitNeed(const RefineCall& call, const RefineSizes& sizes, const LightLayout& layout) {
   const uint64_t samples = layout.sites.size();
-  return More(BytesOf({call.filterings.front().features.size() * sizes.sites, samples, samples}),
+  return More(Together({call.filterings.front().features.size() * sizes.sites, samples, samples}),
               LeastMemory(FitOf(call, layout), layout.most_centres));
 }
 
@@ -146,7 +138,8 @@ DeviceMemory AfterNeed(const RefineCall& call, const RefineSizes& sizes,
 }
 
 std::optional<LightLayout> LayoutOf(const RefineCall& call) {
-  return call.fit.has_value() ? std::optional<LightLayout>(call) : std::nullopt;
+  if (!call.fit.has_value()) return std::nullopt;
+  return LightLayout(call, *call.fit);
 }
 
 CallsPlan PlanOf(const RefineCall& call, const DeviceMemory& memory) {
@@ -172,7 +165,7 @@ class RefineRun {
     WeighErrors();
     for (const Buffer candidate : candidates_) Compare(candidate);
     if (call_.fit.has_value()) {
-      if (absl::Status status = Fit(candidates_.front()); !status.ok()) return status;
+      if (absl::Status status = Fit(*call_.fit, candidates_.front()); !status.ok()) return status;
       run_.Use(ChoiceProgram{});
       WeighErrors();
       Compare(candidates_.front());
@@ -209,16 +202,9 @@ class RefineRun {
   };
 
   static int32_t Int(uint64_t count) { return static_cast<int32_t>(count); }
-  Buffer Floats(uint64_t count) { return run_.Allocate(count * sizeof(float)); }
-  template <typename T>
-  Buffer Upload(absl::Span<const T> values) {
-    const Buffer buffer = run_.Allocate(values.size() * sizeof(T));
-    run_.Write(buffer, 0, values.data(), values.size() * sizeof(T));
-    return buffer;
-  }
   /// A plane of pixels; zeros if it is empty.
   Buffer UploadPlane(ConstFloatView plane) {
-    const Buffer buffer = Floats(sizes_.pixels);
+    const Buffer buffer = run_.Floats(sizes_.pixels);
     if (plane.IsEmpty())
       run_.Write(buffer, 0, std::vector<float>(sizes_.pixels).data(), sizes_.pixels * sizeof(float));
     else
@@ -254,28 +240,27 @@ class RefineRun {
   void UploadPoints() {
     const std::vector<int32_t> firsts = RunsOfPoints();
     points_.runs = firsts.size() - 1;
-    points_.firsts = Upload(absl::MakeConstSpan(firsts));
+    points_.firsts = run_.Upload(firsts);
     std::vector<int32_t> places;
     places.reserve(2 * sizes_.points);
     for (size_t i = 0; i < sizes_.points; ++i) {
       const auto& place = FirstOf(0).points->pixels[i];
       places.insert(places.end(), place.begin(), place.end());
     }
-    points_.places = Upload(absl::MakeConstSpan(places));
+    points_.places = run_.Upload(places);
     for (size_t h = 0; h < 2; ++h) {
-      points_.coverage[h] = Upload(call_.coverage[h]);
-      points_.shares[h] =
-          sizes_.points > 0 ? Upload(absl::MakeConstSpan(FirstOf(h).points->weights)) : Floats(0);
+      points_.coverage[h] = run_.Upload(call_.coverage[h]);
+      points_.shares[h] = sizes_.points > 0 ? run_.Upload(FirstOf(h).points->weights) : run_.Floats(0);
     }
   }
 
   /// The filterings, as candidates.
   absl::Status Filter() {
     UploadPoints();
-    picture_ = Floats(kPicturePlanes * sizes_.sites);
+    picture_ = run_.Floats(kPicturePlanes * sizes_.sites);
     PutPicture({FirstOf(0).bases, FirstOf(1).bases}, call_.base, picture_);
     for (uint64_t i = 0; i < sizes_.candidates; ++i)
-      candidates_.push_back(Floats(kPicturePlanes * sizes_.sites));
+      candidates_.push_back(run_.Floats(kPicturePlanes * sizes_.sites));
     return RunEach(call_.filterings, plan_.of_calls, &from_, &run_,
                    [&](size_t i, const FilteredSites& sites) {
                      const size_t h = i / sizes_.candidates;
@@ -293,7 +278,7 @@ class RefineRun {
 
   /// Brings what comparisons have in common.
   void UploadNoisy() {
-    layer_.noisy = Floats(kPicturePlanes * sizes_.sites);
+    layer_.noisy = run_.Floats(kPicturePlanes * sizes_.sites);
     PutPicture({FirstOf(0).signals, FirstOf(1).signals}, call_.noisy, layer_.noisy);
     layer_.samples = UploadPlane(call_.samples);
     layer_.expected = UploadPlane(call_.expected);
@@ -301,15 +286,15 @@ class RefineRun {
     layer_.masks = {UploadPlane(FirstOf(0).mask), UploadPlane(FirstOf(1).mask)};
     layer_.mixed = UploadPlane(call_.mixed);
     layer_.light = UploadPlane(call_.light);
-    points_.weights = Upload(call_.point_weights);
-    points_.samples = Upload(call_.point_samples);
+    points_.weights = run_.Upload(call_.point_weights);
+    points_.samples = run_.Upload(call_.point_samples);
     for (Buffer* const buffer : {&shares_.errors, &shares_.kind, &shares_.rough, &shares_.smooth})
-      *buffer = Floats(sizes_.pixels);
-    shares_.terms = Floats(3 * sizes_.pixels);
+      *buffer = run_.Floats(sizes_.pixels);
+    shares_.terms = run_.Floats(3 * sizes_.pixels);
     const uint64_t cells = static_cast<uint64_t>(sizes_.kinds) * sizes_.cells_in_all;
-    shares_.cells = Floats(kTerms * cells);
-    shares_.row_sums = Floats(kTerms * cells);
-    shares_.of_cells = Floats(cells);
+    shares_.cells = run_.Floats(kTerms * cells);
+    shares_.row_sums = run_.Floats(kTerms * cells);
+    shares_.of_cells = run_.Floats(cells);
   }
 
   /// For comparisons with the picture as it is.
@@ -363,16 +348,18 @@ class RefineRun {
   Buffer UploadGeometry() {
     const ManifoldCall& first = FirstOf(0);
     const size_t count = first.features.size();
-    const Buffer geometry = Floats(count * sizes_.sites);
-    const size_t own = first.points != nullptr ? first.points->own_features : 0;
+    const Buffer geometry = run_.Floats(count * sizes_.sites);
+    static const SlicePoints none;
+    const SlicePoints& points = first.points != nullptr ? *first.points : none;
+    const size_t own = points.own_features;
     std::vector<float> of_points(sizes_.points);
     for (size_t k = 0; k < count; ++k) {
       const size_t at = k * sizes_.sites * sizeof(float);
       from_.Put(first.features[k], geometry, at);
       for (size_t i = 0; i < of_points.size(); ++i) {
-        const auto& [x, y] = first.points->pixels[i];
-        of_points[i] = k + own < count ? first.features[k].At(x, y)
-                                       : first.points->features[i * own + (k + own - count)];
+        const auto& [x, y] = points.pixels[i];
+        of_points[i] =
+            k + own < count ? first.features[k].At(x, y) : points.features[i * own + (k + own - count)];
       }
       run_.Write(geometry, at + sizes_.pixels * sizeof(float), of_points.data(),
                  of_points.size() * sizeof(float));
@@ -382,13 +369,13 @@ class RefineRun {
 
   /// The samples of the fit, of which those with weight on the grid are centres. Sets their weights.
   absl::Status MakeSamples(const LightLayout& layout, Buffer sites, Buffer weights, FitOnDevice* fit) {
-    const RegressionParams& params = call_.fit->params;
+    const RegressionParams& params = layout.fit.params;
     const Buffer geometry = UploadGeometry();
-    fit->samples = Floats(layout.sites.size() * static_cast<size_t>(kLightShape.Sample()));
+    fit->samples = run_.Floats(layout.sites.size() * static_cast<size_t>(kLightShape.Sample()));
     run_.Use(kLightShape);
     run_.Run("LightSamples", layout.sites.size(),
              {sizes_.grid, Int(layout.sites.size()), Int(FirstOf(0).features.size()), 1.0f / params.sigma_px,
-              1.0f / params.sigma_light, 1.0f / call_.fit->knee, 1.0f / call_.level, sites, points_.places,
+              1.0f / params.sigma_light, 1.0f / layout.fit.knee, 1.0f / call_.level, sites, points_.places,
               layer_.masks[0], layer_.masks[1], points_.shares[0], points_.shares[1], layer_.noisy, picture_,
               geometry, fit->samples, weights});
     if (absl::Status status = run_.Finish(); !status.ok()) return status;
@@ -402,11 +389,11 @@ class RefineRun {
   }
 
   /// Makes `fitted` what the fit of the picture says.
-  absl::Status Fit(Buffer fitted) {
+  absl::Status Fit(const LightFit& light_fit, Buffer fitted) {
     run_.Copy(picture_, fitted, 0, kPicturePlanes * sizes_.sites * sizeof(float));
-    const LightLayout layout(call_);
+    const LightLayout layout(call_, light_fit);
     if (layout.targets.empty()) return absl::OkStatus();
-    const Buffer sites = Upload(absl::MakeConstSpan(layout.sites)), weights = Floats(layout.sites.size());
+    const Buffer sites = run_.Upload(layout.sites), weights = run_.Floats(layout.sites.size());
     FitOnDevice fit = FitOf(call_, layout);
     if (absl::Status status = MakeSamples(layout, sites, weights, &fit); !status.ok()) return status;
     const absl::StatusOr<FittedOnDevice> found = RunDeviceFit(fit, LeftToFit(layout), &run_);

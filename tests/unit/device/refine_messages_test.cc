@@ -27,6 +27,7 @@ class RefineMessages : public testing::Test {
 
   std::vector<filter::ManifoldCall> Filterings() const {
     std::vector<filter::ManifoldCall> calls;
+    calls.reserve(filterings_);
     for (size_t i = 0; i < filterings_; ++i) {
       calls.push_back({filter::ViewsOf(input_.signals),
                        filter::ViewsOf(input_.signals),
@@ -42,7 +43,7 @@ class RefineMessages : public testing::Test {
   filter::RefineCall Call(const std::vector<filter::ManifoldCall>& filterings) const {
     return {.filterings = filterings,
             .choice = choice_,
-            .fit = fit_,
+            .fit = has_fit_ ? std::optional(fit_) : std::nullopt,
             .level = level_,
             .weight = input_.mask.view(),
             .samples = input_.features[0].view(),
@@ -78,8 +79,8 @@ class RefineMessages : public testing::Test {
   filter::ManifoldParams params_ = {.height = 3, .keeps_mass = true};
   size_t filterings_ = 4;
   filter::ChoiceParams choice_;
-  std::optional<filter::LightFit> fit_ = {{{3, 0.5f, 2}, 0.2f}};
-  bool has_mixed_ = true;
+  filter::LightFit fit_ = {{3, 0.5f, 2}, 0.2f};
+  bool has_fit_ = true, has_mixed_ = true;
   float level_ = 0.75f;
   std::array<std::vector<float>, 2> lists_, coverage_;
 };
@@ -108,7 +109,7 @@ TEST_F(RefineMessages, ArriveAsTheyWere) {
   EXPECT_EQ(call.point_samples, absl::MakeConstSpan(coverage_[1]));
   const std::vector<filter::ManifoldCall> sent = Filterings();
   EXPECT_TRUE(CanSend(Call(sent)));
-  fit_.reset();
+  has_fit_ = false;
   EXPECT_FALSE(Present(Received()).call.fit.has_value());
 }
 
@@ -126,10 +127,10 @@ TEST_F(RefineMessages, OfNoValidRefinementAreRefused) {
     *radius = valid;
   }
   for (const float sigma : {0.0f, -1.0f, 41.0f, std::numeric_limits<float>::quiet_NaN()}) {
-    fit_->params.sigma_px = sigma;
+    fit_.params.sigma_px = sigma;
     ExpectRefused("a fit over windows of no size");
   }
-  fit_->params.sigma_px = 3;
+  fit_.params.sigma_px = 3;
   has_mixed_ = false;
   ExpectRefused("a fit without mixed pixels");
   has_mixed_ = true;

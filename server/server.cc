@@ -20,7 +20,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "lumifold/v1/farm.pb.h"
 #include "proto/device/device_process.h"
 #include "proto/identity/secrets.h"

@@ -21,7 +21,7 @@ class DeviceProcess;
 }  // namespace lumifold::device
 
 namespace lumifold::filter {
-class ManifoldDevice;
+class FilterDevice;
 }  // namespace lumifold::filter
 
 namespace spdlog {
@@ -79,7 +79,7 @@ struct FilterOptions {
   /// Frames that are finished at a time; 0: as FinishOptions says.
   int processes = 1;
   /// Filters what is filtered in this process, or in child processes; null: the processor does.
-  std::shared_ptr<filter::ManifoldDevice> device = nullptr;
+  std::shared_ptr<filter::FilterDevice> device = nullptr;
   std::shared_ptr<device::DeviceProcess> device_process = nullptr;
   /// Filter in a child process of this program, whose main must call RunFinishFrameProcess.
   bool in_child_process = false;

@@ -242,7 +242,7 @@ absl::StatusOr<uint64_t> FindMemory(const Flags& flags) {
 }
 
 lumifold::worker::FinishPlaces PlacesOf(const Flags& flags, uint64_t memory_bytes,
-                                        std::shared_ptr<lumifold::filter::ManifoldDevice> device) {
+                                        std::shared_ptr<lumifold::filter::FilterDevice> device) {
   if (flags.finish == "never") return {};
   if (flags.finish == "only")
     return {.count = flags.threads, .memory_bytes = memory_bytes, .device = std::move(device)};

@@ -6,7 +6,7 @@
 #include "filter/baselines/method_info.h"
 #include "filter/image/layers.h"
 #include "filter/layers/single_picture.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "filter/methods.h"
 #include "filter/opencl/device.h"
 #include "filter/opencl/filter_device.h"

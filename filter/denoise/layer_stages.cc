@@ -180,7 +180,7 @@ ChoicePoints PointsToCompare(const LayerState& state, std::array<std::vector<flo
 /// The second filterings, the choice and the light's regression on the device of the pool, if it can. Sets
 /// the result.
 bool RefineOnDevice(const JointGuides& guides, const std::vector<float>& scales, LayerState* state) {
-  ManifoldDevice* const device = DeviceOf(state->pool);
+  FilterDevice* const device = DeviceOf(state->pool);
   if (device == nullptr) return false;
   const Halves& halves = state->halves;
   const Candidate& first = state->candidates.front();

@@ -10,7 +10,7 @@
 #include "filter/layers/halves.h"
 #include "filter/layers/product.h"
 #include "filter/layers/recombination.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {

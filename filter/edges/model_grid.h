@@ -13,8 +13,8 @@
 #include "filter/image/planes.h"
 #include "filter/image/rect.h"
 #include "filter/kernels/fit_kernels.h"
+#include "filter/manifold/filter_device.h"
 #include "filter/manifold/fit_layout.h"
-#include "filter/manifold/manifold_device.h"
 
 namespace lumifold::filter {
 
@@ -98,7 +98,7 @@ class ModelGrid {
         Falloff(),        params_.slope,
         first_,           {&samples_[0].fit.row[0], samples_.size() * static_cast<size_t>(kShape.Sample())},
         targets};
-    ManifoldDevice* const device = DeviceOf(pool);
+    FilterDevice* const device = DeviceOf(pool);
     std::optional<FitResult> result = device != nullptr ? device->Fit(call) : std::nullopt;
     if (!result.has_value()) result = FitHere(call, pool);
     result_ = *std::move(result);

@@ -25,7 +25,7 @@ PatchProjection ProjectionOf(const GuidedFiltering& filtering) {
 std::optional<std::vector<ManifoldResult>> FilterOnDevice(absl::Span<const GuidedFiltering> filterings,
                                                           const ManifoldParams& params, float reach,
                                                           TaskPool* pool) {
-  ManifoldDevice* const device = DeviceOf(pool);
+  FilterDevice* const device = DeviceOf(pool);
   if (device == nullptr) return std::nullopt;
   for (const GuidedFiltering& filtering : filterings) {
     if (filtering.mask.width() == 0 || filtering.mask.height() == 0) return std::nullopt;

@@ -7,7 +7,7 @@
 #include "filter/image/planes.h"
 #include "filter/layers/halves.h"
 #include "filter/layers/nlm_space.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {

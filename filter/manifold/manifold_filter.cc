@@ -4,8 +4,8 @@
 #include <utility>
 #include <vector>
 
+#include "filter/manifold/filter_device.h"
 #include "filter/manifold/first_order.h"
-#include "filter/manifold/manifold_device.h"
 #include "filter/manifold/manifold_tree.h"
 #include "filter/manifold/recursive.h"
 #include "filter/manifold/sites.h"
@@ -263,7 +263,7 @@ ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& featu
   LUMIFOLD_CHECK(params.cell >= 0 && params.cell <= kBandRows && (params.cell & (params.cell - 1)) == 0);
   if (mask.width() == 0 || mask.height() == 0)
     return {MakePlanes(signals.size(), mask.width(), mask.height()), {}};
-  if (ManifoldDevice* const device = DeviceOf(pool)) {
+  if (FilterDevice* const device = DeviceOf(pool)) {
     const ManifoldCall call = {ViewsOf(signals), {}, {}, ViewsOf(features), mask, params, reach, points};
     if (auto results = device->Filter({&call, 1})) return std::move(results->front());
   }

@@ -84,7 +84,7 @@ struct ManifoldResult {
 /// the blur along the manifolds has sigma `reach` (pixels, > 0). With reach = params.sigma_s, `filtered` is
 /// ManifoldFilter's. `points`, which may be null, are read from the same manifolds without another blur;
 /// those with signals are also splatted on them. The clusters are those of the pixels alone.
-/// Threads: as ManifoldFilter's; the device of the pool, if it has one, does the work (manifold_device.h).
+/// Threads: as ManifoldFilter's; the device of the pool, if it has one, does the work (filter_device.h).
 /// Source: the points are those of Gruzdev et al. 2015, antialiasing.
 ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& features, ConstFloatView mask,
                                       const ManifoldParams& params, float reach, const SlicePoints* points,

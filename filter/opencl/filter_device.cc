@@ -24,9 +24,9 @@ constexpr std::string_view kNumbered = "gpu:";
 /// Of the kernel's drivers and NVIDIA's, AMD's, WSL's and ARM's.
 constexpr const char* kGpuFiles[] = {"/dev/dri", "/dev/nvidiactl", "/dev/kfd", "/dev/dxg", "/dev/mali0"};
 
-class FilterDevice final : public ManifoldDevice {
+class OpenClFilterDevice final : public FilterDevice {
  public:
-  FilterDevice(std::unique_ptr<Device> device, DeviceWarning warn, std::string other_bits)
+  OpenClFilterDevice(std::unique_ptr<Device> device, DeviceWarning warn, std::string other_bits)
       : warn_(std::move(warn)),
         other_bits_(std::move(other_bits)),
         device_(std::move(device)),
@@ -143,9 +143,9 @@ bool MayHaveGpu() {
   });
 }
 
-std::shared_ptr<ManifoldDevice> MakeFilterDevice(std::unique_ptr<Device> device, DeviceWarning warn,
-                                                 std::string other_bits) {
-  return std::make_shared<FilterDevice>(std::move(device), std::move(warn), std::move(other_bits));
+std::shared_ptr<FilterDevice> MakeFilterDevice(std::unique_ptr<Device> device, DeviceWarning warn,
+                                               std::string other_bits) {
+  return std::make_shared<OpenClFilterDevice>(std::move(device), std::move(warn), std::move(other_bits));
 }
 
 absl::Status CheckDeviceChoice(std::string_view choice) {

@@ -7,7 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "filter/opencl/device.h"
 
 namespace lumifold::filter {
@@ -24,9 +24,9 @@ bool MayHaveGpu();
 
 /// Filters on `device`. If it fails it is given up for good: `warn` is told, once, and the processor filters.
 /// What needs more memory than it has is left to the processor, of which `warn` is told once. Where it has
-/// less than it says, less is tried. `other_bits`: as ManifoldDevice::OtherBits.
-std::shared_ptr<ManifoldDevice> MakeFilterDevice(std::unique_ptr<Device> device, DeviceWarning warn,
-                                                 std::string other_bits = "");
+/// less than it says, less is tried. `other_bits`: as FilterDevice::OtherBits.
+std::shared_ptr<FilterDevice> MakeFilterDevice(std::unique_ptr<Device> device, DeviceWarning warn,
+                                               std::string other_bits = "");
 
 struct DeviceChoice {
   /// One that CheckDeviceChoice() knows.
@@ -37,7 +37,7 @@ struct DeviceChoice {
 
 struct OpenedDevice {
   std::string name;
-  std::shared_ptr<ManifoldDevice> device;  // null: there is none
+  std::shared_ptr<FilterDevice> device;  // null: there is none
 };
 
 /// MakeFilterDevice with the device that is chosen, opened:

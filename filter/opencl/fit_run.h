@@ -36,7 +36,7 @@ struct FittedOnDevice {
 absl::StatusOr<FittedOnDevice> RunDeviceFit(const FitOnDevice& fit, const DeviceMemory& memory,
                                             KernelRun* run);
 
-/// ManifoldDevice::Fit by the kernels of fit.cl, made for the call's shape. As many models at a time are
+/// FilterDevice::Fit by the kernels of fit.cl, made for the call's shape. As many models at a time are
 /// fitted as `memory` has room for their sums; the bits are the same. It holds LeastMemory(call).
 /// Errors: those of the run.
 absl::StatusOr<FitResult> RunFit(const FitCall& call, const DeviceMemory& memory, KernelRun* run);

@@ -7,7 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "filter/opencl/device_planes.h"
 #include "filter/opencl/kernel_run.h"
 
@@ -50,7 +50,7 @@ absl::StatusOr<ManifoldResult> ReadSites(const SiteCounts& counts, KernelRun::Bu
 absl::Status RunEach(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory, DevicePlanes* planes,
                      KernelRun* run, absl::FunctionRef<absl::Status(size_t, const FilteredSites&)> use);
 
-/// ManifoldDevice::Filter by the kernels of manifold.cl, made for the calls. Manifolds take turns as the
+/// FilterDevice::Filter by the kernels of manifold.cl, made for the calls. Manifolds take turns as the
 /// memory of the device asks for, and planes of several calls stay there if it has room; the bits are the
 /// same. `memory` holds LeastMemory(calls). Errors: those of the run.
 absl::StatusOr<std::vector<ManifoldResult>> RunManifolds(absl::Span<const ManifoldCall> calls,

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "filter/opencl/kernel_run.h"
 
 namespace lumifold::filter {

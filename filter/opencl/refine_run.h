@@ -1,7 +1,7 @@
 #pragma once
 
 #include "absl/status/statusor.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "filter/opencl/kernel_run.h"
 
 namespace lumifold::filter {
@@ -11,7 +11,7 @@ DeviceMemory LeastMemory(const RefineCall& call);
 /// What RunRefinement takes of so much memory.
 DeviceMemory TakenMemory(const RefineCall& call, const DeviceMemory& memory);
 
-/// ManifoldDevice::Refine by the kernels of manifold.cl and choice.cl. What filterings make stays on the
+/// FilterDevice::Refine by the kernels of manifold.cl and choice.cl. What filterings make stays on the
 /// device. `memory` holds LeastMemory(call); the bits are the same with more. Errors: those of the run.
 absl::StatusOr<RefinedHalves> RunRefinement(const RefineCall& call, const DeviceMemory& memory,
                                             KernelRun* run);

@@ -7,12 +7,12 @@
 #include <vector>
 
 #include "absl/types/span.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "proto/device/socket_stream.h"
 
 namespace lumifold::device {
 
-// Calls of filter::ManifoldDevice and their results between two processes of one program on one machine. The
+// Calls of filter::FilterDevice and their results between two processes of one program on one machine. The
 // process with the device is in no sandbox, the caller may be a sandboxed one that a malformed scene has
 // taken over: what is received of calls is checked.
 
@@ -21,7 +21,7 @@ enum class Operation : uint32_t { kFilter, kFit, kRefine };
 /// nullopt: the other end is closed, or there is none such.
 std::optional<Operation> ReceiveOperation(SocketStream* from);
 
-/// Planes that a caller's calls send once: as filter::ManifoldDevice::Keep says.
+/// Planes that a caller's calls send once: as filter::FilterDevice::Keep says.
 class SentPlanes {
  public:
   void Keep(absl::Span<const ConstFloatView> planes);

@@ -59,7 +59,7 @@ std::optional<std::string> NextMessage(int control, absl::Duration patience) {
   return text;
 }
 
-class DeviceLink final : public filter::ManifoldDevice {
+class DeviceLink final : public filter::FilterDevice {
  public:
   DeviceLink(rpc::FileHandle connection, std::string other_bits, absl::Duration time_limit,
              std::function<void()> on_trouble)
@@ -118,7 +118,7 @@ class DeviceLink final : public filter::ManifoldDevice {
 };
 
 /// A link that keeps its process.
-class OwnDevice final : public filter::ManifoldDevice {
+class OwnDevice final : public filter::FilterDevice {
  public:
   explicit OwnDevice(std::unique_ptr<DeviceProcess> process)
       : process_(std::move(process)), link_(process_->Link()) {}
@@ -137,7 +137,7 @@ class OwnDevice final : public filter::ManifoldDevice {
 
  private:
   const std::unique_ptr<DeviceProcess> process_;
-  const std::shared_ptr<filter::ManifoldDevice> link_;
+  const std::shared_ptr<filter::FilterDevice> link_;
 };
 
 }  // namespace
@@ -208,7 +208,7 @@ rpc::FileHandle DeviceProcess::Connect() {
   return {};
 }
 
-std::shared_ptr<filter::ManifoldDevice> DeviceProcess::Link() {
+std::shared_ptr<filter::FilterDevice> DeviceProcess::Link() {
   return MakeDeviceLink(Connect(), other_bits_, options_.time_limit, [this] { CheckTrouble(kLastWords); });
 }
 
@@ -235,9 +235,9 @@ void DeviceProcess::Fail(const std::string& message) {
   child_->Kill();
 }
 
-std::shared_ptr<filter::ManifoldDevice> MakeDeviceLink(rpc::FileHandle connection, std::string other_bits,
-                                                       absl::Duration time_limit,
-                                                       std::function<void()> on_trouble) {
+std::shared_ptr<filter::FilterDevice> MakeDeviceLink(rpc::FileHandle connection, std::string other_bits,
+                                                     absl::Duration time_limit,
+                                                     std::function<void()> on_trouble) {
   return std::make_shared<DeviceLink>(std::move(connection), std::move(other_bits), time_limit,
                                       std::move(on_trouble));
 }

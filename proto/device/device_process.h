@@ -9,7 +9,7 @@
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "filter/opencl/filter_device.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/subprocess/child.h"
@@ -48,13 +48,13 @@ class DeviceProcess {
   ~DeviceProcess();
 
   const std::string& name() const { return name_; }
-  /// As filter::ManifoldDevice::OtherBits.
+  /// As filter::FilterDevice::OtherBits.
   const std::string& other_bits() const { return other_bits_; }
 
   /// A connection for MakeDeviceLink, here or in a child process. Not valid once the device has failed.
   rpc::FileHandle Connect() ABSL_LOCKS_EXCLUDED(mutex_);
   /// A connection as a device.
-  std::shared_ptr<filter::ManifoldDevice> Link();
+  std::shared_ptr<filter::FilterDevice> Link();
   /// Warns, once, if the device has failed or leaves work, which it may be about to say: waits for that up to
   /// `patience`.
   void CheckTrouble(absl::Duration patience = absl::ZeroDuration()) ABSL_LOCKS_EXCLUDED(mutex_);
@@ -81,9 +81,9 @@ class DeviceProcess {
 /// Filters over a connection. When that ends, `on_trouble` is called, once, and the processor filters; also
 /// when the device leaves the first call to the processor. `time_limit`: that of the process; a caller may
 /// wait for others. `other_bits`: those of the process.
-std::shared_ptr<filter::ManifoldDevice> MakeDeviceLink(rpc::FileHandle connection, std::string other_bits,
-                                                       absl::Duration time_limit,
-                                                       std::function<void()> on_trouble);
+std::shared_ptr<filter::FilterDevice> MakeDeviceLink(rpc::FileHandle connection, std::string other_bits,
+                                                     absl::Duration time_limit,
+                                                     std::function<void()> on_trouble);
 
 /// A process with a device and a connection to it, for a program that filters itself.
 /// Errors: as Start().

@@ -9,7 +9,7 @@
 
 namespace lumifold::device {
 
-// Fits of filter::ManifoldDevice, as call_messages.h has filterings.
+// Fits of filter::FilterDevice, as call_messages.h has filterings.
 
 struct ReceivedFit {
   filter::FitCall call;  // without lists

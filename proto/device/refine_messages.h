@@ -5,13 +5,13 @@
 #include <vector>
 
 #include "absl/types/span.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "proto/device/call_messages.h"
 #include "proto/device/socket_stream.h"
 
 namespace lumifold::device {
 
-// Refinements of filter::ManifoldDevice, as call_messages.h has filterings.
+// Refinements of filter::FilterDevice, as call_messages.h has filterings.
 
 struct ReceivedRefinement {
   ReceivedCalls filterings;

@@ -68,7 +68,7 @@ class Service {
  public:
   explicit Service(absl::Duration time_limit) : time_limit_(time_limit) {}
 
-  void SetDevice(std::shared_ptr<filter::ManifoldDevice> device) { device_ = std::move(device); }
+  void SetDevice(std::shared_ptr<filter::FilterDevice> device) { device_ = std::move(device); }
 
   /// Blocks until the other end is closed.
   void Serve(rpc::FileHandle connection) {
@@ -135,7 +135,7 @@ class Service {
   }
 
   const absl::Duration time_limit_;
-  std::shared_ptr<filter::ManifoldDevice> device_;
+  std::shared_ptr<filter::FilterDevice> device_;
   absl::Mutex device_mutex_;
   absl::Mutex mutex_;
   std::set<int> connections_ ABSL_GUARDED_BY(mutex_);

@@ -14,7 +14,7 @@ int RunDeviceProcess(const std::vector<std::string>& arguments);
 
 // What it says over its standard input, a socket whose messages are these, each with a text behind it.
 
-/// The name of the device, which is open, a newline, and filter::ManifoldDevice::OtherBits.
+/// The name of the device, which is open, a newline, and filter::FilterDevice::OtherBits.
 inline constexpr char kReady = '+';
 /// There is none; the text is empty.
 inline constexpr char kNone = '0';

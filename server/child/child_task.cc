@@ -14,7 +14,7 @@
 #include "absl/strings/strip.h"
 #include "filter/image/exr_io.h"
 #include "filter/image/memory.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "proto/device/device_process.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/sandbox/sandbox.h"
@@ -65,7 +65,7 @@ absl::Status SandboxThisProcess(const DataFolder& folder, const std::string& sto
 }
 
 /// The parent's device; null: it has none. The parent tells of its failure.
-std::shared_ptr<filter::ManifoldDevice> DeviceOfParent(absl::string_view argument) {
+std::shared_ptr<filter::FilterDevice> DeviceOfParent(absl::string_view argument) {
   if (!absl::ConsumePrefix(&argument, kOnDevice)) return nullptr;
   return device::MakeDeviceLink(rpc::FileHandle(STDIN_FILENO), std::string(argument),
                                 device::DeviceProcessOptions::DefaultTimeLimit(), [] {});

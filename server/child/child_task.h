@@ -24,7 +24,7 @@ inline constexpr int kIdleNiceness = 19;
 inline constexpr char kUrgent[] = "urgent";
 
 /// Begin of an argument of a child whose standard input is a connection to a device; its
-/// filter::ManifoldDevice::OtherBits follow.
+/// filter::FilterDevice::OtherBits follow.
 inline constexpr char kOnDevice[] = "device+";
 
 /// A child writes to standard output how far it is, in bytes of kNoPercent and the per cents, then kAnswer

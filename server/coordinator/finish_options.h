@@ -21,7 +21,7 @@ struct FinishOptions {
   uint64_t memory_bytes = 0;
   /// A frame takes no more than this; 0: no limit.
   uint64_t frame_memory_bytes = 0;
-  /// Of the device that filters here (filter::ManifoldDevice::OtherBits): workers without them finish
+  /// Of the device that filters here (filter::FilterDevice::OtherBits): workers without them finish
   /// nothing.
   std::string other_bits = {};
 

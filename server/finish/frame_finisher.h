@@ -16,7 +16,7 @@
 #include "server/storage/data_folder.h"
 
 namespace lumifold::filter {
-class ManifoldDevice;
+class FilterDevice;
 }  // namespace lumifold::filter
 
 namespace lumifold::server {
@@ -53,9 +53,9 @@ class FrameFinisher {
 /// Finishes frames in this process, on the calling thread and others, at the priority of the process. Neither
 /// Cancel nor CancelJob interrupts a running Finish. `store` must outlive it. `device` filters; null: the
 /// processor does.
-std::unique_ptr<FrameFinisher> MakeInProcessFinisher(
-    const DataFolder& folder, ledger::JobStore* store, std::function<absl::Time()> now,
-    std::shared_ptr<filter::ManifoldDevice> device = nullptr);
+std::unique_ptr<FrameFinisher> MakeInProcessFinisher(const DataFolder& folder, ledger::JobStore* store,
+                                                     std::function<absl::Time()> now,
+                                                     std::shared_ptr<filter::FilterDevice> device = nullptr);
 
 /// Whether finishing a frame failed for a cause that may go away: the process was killed, or there was no
 /// memory. kUnavailable, a disk or machine without space, descriptors or processes, is no failure of the

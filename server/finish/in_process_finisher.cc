@@ -2,7 +2,7 @@
 #include <utility>
 
 #include "filter/image/parallel.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "server/finish/estimate_round.h"
 #include "server/finish/finish_frame.h"
 #include "server/finish/frame_finisher.h"
@@ -13,7 +13,7 @@ namespace {
 class InProcessFinisher final : public FrameFinisher {
  public:
   InProcessFinisher(const DataFolder& folder, ledger::JobStore* store, std::function<absl::Time()> now,
-                    std::shared_ptr<filter::ManifoldDevice> device)
+                    std::shared_ptr<filter::FilterDevice> device)
       : folder_(folder), store_(store), now_(std::move(now)), device_(std::move(device)) {}
 
   absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame, int threads,
@@ -45,7 +45,7 @@ class InProcessFinisher final : public FrameFinisher {
   const DataFolder folder_;
   ledger::JobStore* const store_;
   const std::function<absl::Time()> now_;
-  const std::shared_ptr<filter::ManifoldDevice> device_;
+  const std::shared_ptr<filter::FilterDevice> device_;
   std::atomic<bool> cancelled_{false};
 };
 
@@ -53,7 +53,7 @@ class InProcessFinisher final : public FrameFinisher {
 
 std::unique_ptr<FrameFinisher> MakeInProcessFinisher(const DataFolder& folder, ledger::JobStore* store,
                                                      std::function<absl::Time()> now,
-                                                     std::shared_ptr<filter::ManifoldDevice> device) {
+                                                     std::shared_ptr<filter::FilterDevice> device) {
   return std::make_unique<InProcessFinisher>(folder, store, std::move(now), std::move(device));
 }
 

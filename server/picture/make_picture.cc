@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "filter/image/layers.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "filter/methods.h"
 #include "proto/sandbox/sandbox.h"
 #include "server/film/matte.h"
@@ -246,7 +246,7 @@ absl::StatusOr<v1::FrameReport> MakePicture(const CompleteFrame& frame, const Pi
   if (!film.ok()) return film.status();
   clock.Charge(StageClock::kAssemble);
   film::ResultInfo info = {.spec = frame.spec, .frame = frame.frame, .numeric_class = frame.numeric_class};
-  if (const filter::ManifoldDevice* const device = filter::DeviceOf(pool))
+  if (const filter::FilterDevice* const device = filter::DeviceOf(pool))
     info.numeric_class = ClassOfPicture(frame.numeric_class, device->OtherBits());
   absl::StatusOr<film::UnitOutline> first = frame.units.Outline({frame.frame, 0, 0, v1::UNIT_KIND_GEOMETRY});
   if (!first.ok()) return first.status();

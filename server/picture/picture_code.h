@@ -9,7 +9,7 @@ namespace lumifold::server {
 std::string PictureCode();
 
 /// Whether workers of this numeric class make the same file of the same units as this program, which filters
-/// on a device of `other_bits` (filter::ManifoldDevice); empty: with the processor's.
+/// on a device of `other_bits` (filter::FilterDevice); empty: with the processor's.
 bool SharesPictureCode(const std::string& numeric_class, const std::string& other_bits = "");
 
 /// The class of a picture of units of `numeric_class` that is filtered with `other_bits`.

@@ -12,7 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "lumifold/v1/worker.grpc.pb.h"
 #include "proto/logging/fields.h"
 #include "proto/monitoring/endpoint.h"

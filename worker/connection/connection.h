@@ -16,7 +16,7 @@ namespace grpc {
 class Channel;
 }
 namespace lumifold::filter {
-class ManifoldDevice;
+class FilterDevice;
 }
 namespace lumifold::monitoring {
 struct EndpointSockets;
@@ -32,7 +32,7 @@ struct FinishPlaces {
   /// Memory for units of frames that it keeps until it finishes them.
   uint64_t keep_bytes = 0;
   /// Filters for them; null: the threads do.
-  std::shared_ptr<filter::ManifoldDevice> device = nullptr;
+  std::shared_ptr<filter::FilterDevice> device = nullptr;
 };
 
 /// Where assets are kept for other workers of this machine and later ones, see AssetFolder.

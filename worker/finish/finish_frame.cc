@@ -13,7 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "filter/image/file_calls.h"
 #include "filter/image/parallel.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "lumifold/v1/rounds.pb.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/monotonic.h"

@@ -11,7 +11,7 @@
 #include "worker/units/unit_renderer.h"
 
 namespace lumifold::filter {
-class ManifoldDevice;
+class FilterDevice;
 }  // namespace lumifold::filter
 
 namespace lumifold::worker {
@@ -21,7 +21,7 @@ struct FrameWork {
   FrameLink* link = nullptr;  // null: it finishes none
   std::string numeric_class;  // the worker's, which is the job's
   /// Filters beside this thread; null: nothing does.
-  std::shared_ptr<filter::ManifoldDevice> device = nullptr;
+  std::shared_ptr<filter::FilterDevice> device = nullptr;
 };
 
 /// Makes the result of a leased frame on this thread and delivers it, or a block of it, or the errors of one

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "filter/opencl/device.h"
 #include "proto/rpc/monotonic.h"
 #include "tests/unit/filter/manifold_inputs.h"
@@ -58,7 +58,7 @@ class Device : public testing::Test {
     const filter::ManifoldInput input = filter::MakeManifoldInput(width, height, 3, true, 14);
     return filter::ManifoldFilter(input.signals, input.features, input.mask.view(), {}, pool);
   }
-  static bool FiltersOn(filter::ManifoldDevice& device, int width = 40, int height = 30) {
+  static bool FiltersOn(filter::FilterDevice& device, int width = 40, int height = 30) {
     const filter::ManifoldInput input = filter::MakeManifoldInput(width, height, 3, true, 14);
     const filter::ManifoldParams params;
     const filter::ManifoldCall call = {filter::ViewsOf(input.signals),
@@ -115,7 +115,7 @@ TEST_F(Device, InAProcessGivesTheBitsOfThisProcessorToAllWhoAsk) {
   std::vector<std::thread> callers(3);
   for (std::thread& caller : callers) {
     caller = std::thread([&] {
-      const std::shared_ptr<filter::ManifoldDevice> link = (*process)->Link();
+      const std::shared_ptr<filter::FilterDevice> link = (*process)->Link();
       const filter::ManifoldInput input = filter::MakeManifoldInput(37, 29, 4, true, 15);
       filter::SlicePoints points = filter::MakePoints(input, 2, 2);
       filter::AddSignals(3, &points);

@@ -8,7 +8,7 @@
 #include <random>
 
 #include "filter/layers/guide.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "filter/manifold/manifold_tree.h"
 #include "filter/opencl/manifold_run.h"
 #include "is_finite.h"

@@ -165,7 +165,7 @@ void RunInCpp::Run(const char* kernel, size_t items, std::initializer_list<Argum
   LUMIFOLD_CHECK(is_known);
 }
 
-class OracleDevice final : public ManifoldDevice {
+class OracleDevice final : public FilterDevice {
  public:
   explicit OracleDevice(bool is_small) : is_small_(is_small) {}
 

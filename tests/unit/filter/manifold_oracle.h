@@ -6,7 +6,7 @@
 #include "absl/types/span.h"
 #include "filter/image/planes.h"
 #include "filter/layers/nlm_space.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "filter/manifold/manifold_filter.h"
 #include "filter/opencl/kernel_run.h"
 
@@ -18,7 +18,7 @@ ManifoldResult ManifoldFilterOracle(const Planes& signals, const Planes& feature
                                     const ManifoldParams& params, float reach, const SlicePoints* points,
                                     const DeviceMemory& memory = {});
 
-/// ManifoldDevice::Filter by the same.
+/// FilterDevice::Filter by the same.
 std::vector<ManifoldResult> FilterOracle(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory);
 
 /// A pool whose device does all that devices do by the same; in as little memory as it can where it

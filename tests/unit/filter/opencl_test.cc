@@ -12,7 +12,7 @@
 #include "filter/blocks.h"
 #include "filter/layers/guide.h"
 #include "filter/layers/nlm_space.h"
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 #include "filter/methods.h"
 #include "filter/opencl/device.h"
 #include "filter/opencl/filter_device.h"

@@ -1,4 +1,4 @@
-#include "filter/manifold/manifold_device.h"
+#include "filter/manifold/filter_device.h"
 
 #include <utility>
 
@@ -7,16 +7,16 @@ namespace {
 
 class PoolWithDevice final : public TaskPool {
  public:
-  PoolWithDevice(std::unique_ptr<TaskPool> pool, std::shared_ptr<ManifoldDevice> device)
+  PoolWithDevice(std::unique_ptr<TaskPool> pool, std::shared_ptr<FilterDevice> device)
       : pool_(std::move(pool)), device_(std::move(device)) {}
 
   void Run(int64_t count, absl::FunctionRef<void(int64_t)> task) override { pool_->Run(count, task); }
   int Width() const override { return pool_->Width(); }
-  ManifoldDevice* device() const { return device_.get(); }
+  FilterDevice* device() const { return device_.get(); }
 
  private:
   const std::unique_ptr<TaskPool> pool_;
-  const std::shared_ptr<ManifoldDevice> device_;
+  const std::shared_ptr<FilterDevice> device_;
 };
 
 }  // namespace
@@ -27,7 +27,7 @@ PlaneViews ViewsOf(absl::Span<const Plane> planes) {
   return views;
 }
 
-std::unique_ptr<TaskPool> WithDevice(std::unique_ptr<TaskPool> pool, std::shared_ptr<ManifoldDevice> device) {
+std::unique_ptr<TaskPool> WithDevice(std::unique_ptr<TaskPool> pool, std::shared_ptr<FilterDevice> device) {
   if (device == nullptr) return pool;
   return std::make_unique<PoolWithDevice>(std::move(pool), std::move(device));
 }
@@ -41,7 +41,7 @@ KeptPlanes::~KeptPlanes() {
   if (device_ != nullptr) device_->Forget(planes_);
 }
 
-ManifoldDevice* DeviceOf(TaskPool* pool) {
+FilterDevice* DeviceOf(TaskPool* pool) {
   const auto* const with_device = dynamic_cast<const PoolWithDevice*>(pool);
   return with_device == nullptr ? nullptr : with_device->device();
 }

@@ -51,9 +51,9 @@ using RefinedHalves = std::array<ManifoldResult, 2>;
 /// ModelGrid and the stages of layers use the one that their pool has. nullopt: the device cannot, and the
 /// processor does it.
 /// Threads: safe concurrently.
-class ManifoldDevice {
+class FilterDevice {
  public:
-  virtual ~ManifoldDevice() = default;
+  virtual ~FilterDevice() = default;
 
   /// A name for its bits where they are not the processor's; empty: they are.
   virtual std::string OtherBits() const = 0;
@@ -70,7 +70,7 @@ class ManifoldDevice {
 };
 
 /// `pool` with a device; `device` may be null.
-std::unique_ptr<TaskPool> WithDevice(std::unique_ptr<TaskPool> pool, std::shared_ptr<ManifoldDevice> device);
+std::unique_ptr<TaskPool> WithDevice(std::unique_ptr<TaskPool> pool, std::shared_ptr<FilterDevice> device);
 
 /// Planes that neither change nor move before this object ends, for the device of the pool, if it has one.
 class KeptPlanes {
@@ -82,10 +82,10 @@ class KeptPlanes {
 
  private:
   const PlaneViews planes_;
-  ManifoldDevice* const device_;
+  FilterDevice* const device_;
 };
 
 /// The device of a pool that WithDevice() has made; null for another, and for null.
-ManifoldDevice* DeviceOf(TaskPool* pool);
+FilterDevice* DeviceOf(TaskPool* pool);
 
 }  // namespace lumifold::filter

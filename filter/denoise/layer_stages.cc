@@ -206,6 +206,7 @@ bool RefineOnDevice(const JointGuides& guides, const std::vector<float>& scales,
                       .noisy = {fragments.light[0], fragments.light[1]},
                       .base = {first.points[0], first.points[1]},
                       .coverage = {fragments.coverage[0], fragments.coverage[1]},
+                      .offsets = fragments.offsets,
                       .point_weights = points.weights,
                       .point_samples = points.samples});
   if (!refined.has_value()) return false;

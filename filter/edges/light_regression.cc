@@ -63,7 +63,7 @@ class LightReader {
 
   void ReadPixel(int x, int y, Grid::Sample* sample) const {
     sample->weight = std::min(halves_.weight_a.At(x, y), halves_.weight_b.At(x, y));
-    SetPosition(x, y, sample);
+    SetPosition(static_cast<float>(x), static_cast<float>(y), sample);
     for (size_t k = 0; k < std::min(geometry_.size(), kMostFeatures); ++k) SetFeature(x, y, k, sample);
     for (size_t c = 0; c < 3; ++c) {
       SetLight(c, halves_.a[c].At(x, y), halves_.b[c].At(x, y), filtered_.a[c].At(x, y),
@@ -75,7 +75,8 @@ class LightReader {
     const auto& share = fragments_.share;
     const bool has_both = share[0][point] > 0 && share[1][point] > 0;
     sample->weight = has_both ? 0.5f * (share[0][point] + share[1][point]) : 0.0f;
-    SetPosition(x, y, sample);
+    const float* offset = &fragments_.offsets[2 * point];
+    SetPosition(static_cast<float>(x) + offset[0], static_cast<float>(y) + offset[1], sample);
     const size_t own = fragments_.own_features;
     for (size_t k = 0; k < std::min(geometry_.size(), kMostFeatures); ++k) {
       if (k < own) {
@@ -91,11 +92,11 @@ class LightReader {
     }
   }
 
-  void SetPosition(int x, int y, Grid::Sample* sample) const {
+  void SetPosition(float x, float y, Grid::Sample* sample) const {
     float* terms = sample->fit.row.data() + kSignals;
     terms[0] = 1;
-    terms[1] = static_cast<float>(x) * inverse_reach_;
-    terms[2] = static_cast<float>(y) * inverse_reach_;
+    terms[1] = x * inverse_reach_;
+    terms[2] = y * inverse_reach_;
   }
 
   /// Feature k from the last; of the pixel.

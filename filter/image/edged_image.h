@@ -1,5 +1,8 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
+
 #include "filter/image/layered_image.h"
 #include "filter/image/rect.h"
 
@@ -7,6 +10,19 @@ namespace lumifold {
 
 /// Sub-samples of a pixel, in a 4x4 grid, row by row.
 inline constexpr int kSubSamples = 16;
+
+/// Where sub-sample j lies in its pixel, in (0, 1)^2: right, down. Each of 16 columns and each of 16 rows
+/// of the pixel has one sub-sample, so that edges along the axes are resolved to a sixteenth of a pixel, not
+/// to a fourth.
+constexpr std::array<float, 2> PlaceOfSubSample(int j) {
+  constexpr std::array<int, 4> kShift = {1, 3, 0, 2};
+  const int x = j % 4;
+  const int y = j / 4;
+  const auto at = [&](int cell, int other) {
+    return (static_cast<float>(4 * cell + kShift[static_cast<size_t>(other)]) + 0.5f) / kSubSamples;
+  };
+  return {at(x, y), at(y, 3 - x)};
+}
 
 /// The most fragments of a pixel in one pass: samples of further surfaces belong to the last one. A pixel of
 /// a film may have more, because its passes may differ.

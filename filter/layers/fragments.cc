@@ -34,6 +34,7 @@ struct Counted {
   std::array<float, 2> sub_samples_of_half = {};
   std::array<float, 3> albedo = {}, normal = {};  // sums over both
   float distance = 0;
+  std::array<float, 2> place = {};  // sum over the sub-samples, from the pixel's corner
 
   void Add(float count, const std::array<float, 3>& t, const std::array<float, 3>& n, float d) {
     for (size_t c = 0; c < 3; ++c) {
@@ -64,6 +65,7 @@ void AddSubSamples(const EdgeViews& edges, int row, std::vector<Counted>* all) {
     if (key == 0) continue;
     Counted& counted = FindOrAdd(key, all);
     counted.sub_samples += 1;
+    for (size_t i = 0; i < 2; ++i) counted.place[i] += PlaceOfSubSample(j)[i];
     counted.sub_samples_of_half[HalfOfSubSample(j)] += 1;
     counted.Add(1, ColorAt(edges.albedo, j, row), normal, edges.distance.At(j, row));
   }
@@ -104,6 +106,9 @@ Fragment Finish(const Counted& counted, const std::array<float, 2>& in_pixel, bo
     fragment.normal[c] = length > 0 ? counted.normal[c] / length : 0.0f;
   }
   fragment.distance = counted.distance / count;
+  if (counted.sub_samples > 0) {
+    for (size_t i = 0; i < 2; ++i) fragment.place[i] = counted.place[i] / counted.sub_samples - 0.5f;
+  }
   return fragment;
 }
 

@@ -20,6 +20,8 @@ struct Fragment {
   std::array<float, 3> normal = {};         // unit
   float distance = 0;
   float roughness = 0;
+  /// Where its sub-samples lie in the mean, px right and down of the pixel's centre.
+  std::array<float, 2> place = {};
 };
 
 /// The surfaces of the edge pixels of a film: where several meet, the pixel's means resemble none of them.

@@ -24,6 +24,7 @@ LayerLight LightOf(const FragmentViews& views, const Product& product) {
 void AddPoint(const Fragment& fragment, const LayerLight& light, const GeometryRanges& ranges,
               LayerFragments* out) {
   out->factor.push_back(fragment.*light.factor);
+  out->offsets.insert(out->offsets.end(), fragment.place.begin(), fragment.place.end());
   if (out->own_features > kGeometryFeatures) out->features.push_back(fragment.roughness / ranges.roughness);
   const auto geometry = GeometryFeature(fragment.normal, fragment.distance, ranges);
   out->features.insert(out->features.end(), geometry.begin(), geometry.end());
@@ -42,7 +43,8 @@ void AddPoint(const Fragment& fragment, const LayerLight& light, const GeometryR
 LayerFragments LayerFragmentsOf(const Frame& frame, const FragmentSet& set, const Product& product,
                                 const GeometryRanges& ranges) {
   LayerFragments out;
-  const LayerLight light = set.fragments.empty() ? LayerLight{} : LightOf(*frame.fragments, product);
+  if (set.fragments.empty() || !frame.fragments.has_value()) return out;
+  const LayerLight light = LightOf(*frame.fragments, product);
   if (light.halves == nullptr) return out;
   const bool has_roughness = product.kind == Product::Kind::kGlossy && !frame.gloss.roughness.IsEmpty() &&
                              !frame.fragments->roughness.IsEmpty();

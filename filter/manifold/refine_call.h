@@ -58,6 +58,7 @@ struct RefineCall {
   ConstFloatView mixed;                                  // Halves::is_mixed; may be empty
   std::array<absl::Span<const float>, 2> noisy, base;    // 3 of each point
   std::array<absl::Span<const float>, 2> coverage;       // of each point
+  absl::Span<const float> offsets;                       // 2 of each point, as LayerFragments has them
   absl::Span<const float> point_weights, point_samples;  // as ChoicePoints has them
 
   /// Planes beside those of the filterings; some may be empty.

@@ -4,7 +4,7 @@
 // Samples of sites `sites`, and their weights. `share_a`, `share_b`: of points, those of their samples.
 __kernel void LightSamples(Grid grid, int count, int features, float inverse_reach, float inverse_light,
                            float inverse_knee, float inverse_unit, __global const int* sites,
-                           __global const int* places, __global const float* mask_a, __global const float* mask_b,
+                           __global const int* places, __global const float* offsets, __global const float* mask_a, __global const float* mask_b,
                            __global const float* share_a, __global const float* share_b, __global const float* noisy,
                            __global const float* filtered, __global const float* geometry, __global float* samples,
                            __global float* weights) {
@@ -18,8 +18,10 @@ __kernel void LightSamples(Grid grid, int count, int features, float inverse_rea
   for (int k = 0; k < FIT_SAMPLE; ++k) sample[k] = 0.0f;
   const int x = XOf(site, grid, places), y = YOf(site, grid, places);
   sample[FIT_SIGNALS] = 1.0f;
-  sample[FIT_SIGNALS + 1] = (float)x * inverse_reach;
-  sample[FIT_SIGNALS + 2] = (float)y * inverse_reach;
+  const float right = site < pixels ? 0.0f : offsets[2 * (site - pixels)];
+  const float down = site < pixels ? 0.0f : offsets[2 * (site - pixels) + 1];
+  sample[FIT_SIGNALS + 1] = ((float)x + right) * inverse_reach;
+  sample[FIT_SIGNALS + 2] = ((float)y + down) * inverse_reach;
   for (int k = 0; k < features && k < kMostLightFeatures; ++k) {
     const float value = geometry[(features - 1 - k) * SitesOf(grid) + site];
     sample[FIT_ROW + 2 + 3 + k] = value;

@@ -188,7 +188,7 @@ class RefineRun {
     uint64_t runs = 0;
     Buffer firsts = {}, places = {};
     std::array<Buffer, 2> coverage = {}, shares = {};
-    Buffer weights = {}, samples = {};
+    Buffer offsets = {}, weights = {}, samples = {};
   };
   /// What comparisons have in common.
   struct Layer {
@@ -286,6 +286,7 @@ class RefineRun {
     layer_.masks = {UploadPlane(FirstOf(0).mask), UploadPlane(FirstOf(1).mask)};
     layer_.mixed = UploadPlane(call_.mixed);
     layer_.light = UploadPlane(call_.light);
+    points_.offsets = run_.Upload(call_.offsets);
     points_.weights = run_.Upload(call_.point_weights);
     points_.samples = run_.Upload(call_.point_samples);
     for (Buffer* const buffer : {&shares_.errors, &shares_.kind, &shares_.rough, &shares_.smooth})
@@ -376,8 +377,8 @@ class RefineRun {
     run_.Run("LightSamples", layout.sites.size(),
              {sizes_.grid, Int(layout.sites.size()), Int(FirstOf(0).features.size()), 1.0f / params.sigma_px,
               1.0f / params.sigma_light, 1.0f / layout.fit.knee, 1.0f / call_.level, sites, points_.places,
-              layer_.masks[0], layer_.masks[1], points_.shares[0], points_.shares[1], layer_.noisy, picture_,
-              geometry, fit->samples, weights});
+              points_.offsets, layer_.masks[0], layer_.masks[1], points_.shares[0], points_.shares[1],
+              layer_.noisy, picture_, geometry, fit->samples, weights});
     if (absl::Status status = run_.Finish(); !status.ok()) return status;
     std::vector<float> of_samples(layout.sites.size());
     absl::Status status = run_.Read(weights, 0, of_samples.size() * sizeof(float), of_samples.data());

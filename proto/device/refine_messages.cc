@@ -67,7 +67,7 @@ bool ForEachList(Call& call, const Use& use) {
   bool works = true;
   for (size_t h = 0; h < 2; ++h)
     works = works && use(call.noisy[h], 3) && use(call.base[h], 3) && use(call.coverage[h], 1);
-  return works && use(call.point_weights, 1) && use(call.point_samples, 1);
+  return works && use(call.offsets, 2) && use(call.point_weights, 1) && use(call.point_samples, 1);
 }
 
 }  // namespace
@@ -86,6 +86,7 @@ RefineCall ReceivedRefinement::View(absl::Span<const ManifoldCall> calls) const 
     view.base[h] = base[h];
     view.coverage[h] = coverage[h];
   }
+  view.offsets = offsets;
   view.point_weights = point_weights;
   view.point_samples = point_samples;
   return view;

@@ -17,7 +17,7 @@ struct ReceivedRefinement {
   ReceivedCalls filterings;
   filter::RefineCall call;  // without planes and lists
   std::array<std::vector<float>, 2> noisy, base, coverage;
-  std::vector<float> point_weights, point_samples;
+  std::vector<float> offsets, point_weights, point_samples;
 
   /// `calls`: the view of the filterings.
   filter::RefineCall View(absl::Span<const filter::ManifoldCall> calls) const;

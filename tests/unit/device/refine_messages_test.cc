@@ -53,6 +53,7 @@ class RefineMessages : public testing::Test {
             .noisy = {lists_[0], lists_[1]},
             .base = {lists_[1], lists_[0]},
             .coverage = {coverage_[0], coverage_[1]},
+            .offsets = offsets_,
             .point_weights = coverage_[0],
             .point_samples = coverage_[1]};
   }
@@ -83,6 +84,7 @@ class RefineMessages : public testing::Test {
   bool has_fit_ = true, has_mixed_ = true;
   float level_ = 0.75f;
   std::array<std::vector<float>, 2> lists_, coverage_;
+  std::vector<float> offsets_ = std::vector<float>(2 * points_[0].pixels.size(), 0.125f);
 };
 
 TEST_F(RefineMessages, ArriveAsTheyWere) {
@@ -106,6 +108,7 @@ TEST_F(RefineMessages, ArriveAsTheyWere) {
   EXPECT_TRUE(call.light.IsEmpty() && call.expected.IsEmpty());
   EXPECT_EQ(call.noisy[1], absl::MakeConstSpan(lists_[1]));
   EXPECT_EQ(call.base[1], absl::MakeConstSpan(lists_[0]));
+  EXPECT_EQ(call.offsets, absl::MakeConstSpan(offsets_));
   EXPECT_EQ(call.point_samples, absl::MakeConstSpan(coverage_[1]));
   const std::vector<filter::ManifoldCall> sent = Filterings();
   EXPECT_TRUE(CanSend(Call(sent)));

@@ -126,6 +126,16 @@ TEST(FragmentsOf, CoverByTheSquareOfCounts) {
   EXPECT_FLOAT_EQ(front.distance, 2);
 }
 
+TEST(FragmentsOf, LieWhereTheirSubSamplesDo) {
+  EdgedImage film = Film();
+  AddEdges({{1, {{kFront, 8}, {kBack, 8}}}}, &film);  // the upper and the lower half
+  AddFragments({{1, kFront, {3, 1}}, {1, kBack, {1, 3}}}, &film);
+  const FragmentSet set = FragmentsOf(Frame(film));
+  ASSERT_EQ(set.fragments.size(), 2u);
+  EXPECT_EQ(set.fragments[0].place, (std::array<float, 2>{1.0f / 32, -0.25f}));
+  EXPECT_EQ(set.fragments[1].place, (std::array<float, 2>{-1.0f / 32, 0.25f}));
+}
+
 TEST(FragmentsOf, KeepSurfacesThatSubSamplesAloneHit) {
   EdgedImage film = Film();
   AddEdges({{2, {{kFront, 12}, {kBack, 4}}}}, &film);

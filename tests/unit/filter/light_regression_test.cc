@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -65,6 +66,7 @@ Layer TwoSurfaces(float unit) {
     f.pixels.push_back({kEdge, y, f.places.size(), f.places.size() + 2});
     for (const int surface : {0, 1}) {
       f.places.push_back({kEdge, y});
+      f.offsets.insert(f.offsets.end(), {0.0f, 0.0f});
       for (const float feature : {surface == 0 ? 4.0f : 0.0f, 0.0f, surface == 0 ? 0.0f : 4.0f, 0.0f})
         f.features.push_back(feature);
       for (size_t h = 0; h < 2; ++h) {
@@ -116,6 +118,30 @@ TEST(LightRegression, TellsAHalfWithoutSamplesOfASurfaceWhatTheSurfaceShowsNearb
   const size_t at = PointOf(1, kUnsampledRow);
   ASSERT_EQ(layer.fragments.light[0][at], 0);
   EXPECT_NEAR(Fit(layer).points[0][at], TrueLight(1, kUnsampledRow), 0.3);
+}
+
+TEST(LightRegression, TellsTheLightWhereAFragmentLies) {
+  Layer layer = TwoSurfaces(1);
+  constexpr float kSlope = 0.5f;  // of the light of both surfaces, a pixel down
+  const auto lit = [](float y) { return 20 + kSlope * y; };
+  for (int y = 0; y < kRegressionHeight; ++y) {
+    for (Planes* light : {&layer.halves.a, &layer.halves.b, &layer.filtered.a, &layer.filtered.b}) {
+      for (Plane& plane : *light) std::fill_n(plane.Row(y), kRegressionWidth, lit(static_cast<float>(y)));
+    }
+    for (const int surface : {0, 1}) {
+      const size_t at = PointOf(surface, y);
+      const float down = surface == 0 ? -0.25f : 0.25f;
+      layer.fragments.offsets[2 * (at / 3) + 1] = down;
+      for (size_t h = 0; h < 2; ++h) {
+        for (size_t k = at; k < at + 3; ++k)
+          layer.fragments.light[h][k] = layer.filtered.points[h][k] = lit(static_cast<float>(y) + down);
+      }
+    }
+  }
+  const Candidate fit = Fit(layer);
+  const size_t row = kRegressionHeight / 2;
+  EXPECT_NEAR(fit.points[0][PointOf(0, row)], lit(row - 0.25f), 1e-3f);
+  EXPECT_NEAR(fit.points[0][PointOf(1, row)], lit(row + 0.25f), 1e-3f);
 }
 
 TEST(LightRegression, LeavesWhatIsNotMixedAlone) {

@@ -19,18 +19,6 @@ namespace {
 constexpr int kGrid = 4;
 static_assert(kGrid * kGrid == kSubSamples);
 
-/// Where a sub-sample lies in its pixel, in (0, 1)^2. Each of 16 columns and each of 16 rows of the pixel has
-/// one sub-sample, so that edges along the axes are resolved to a sixteenth of a pixel, not to a fourth.
-Vec2 PointOf(int sub_sample) {
-  constexpr int kShift[kGrid] = {1, 3, 0, 2};
-  const int x = sub_sample % kGrid;
-  const int y = sub_sample / kGrid;
-  const auto at = [](int cell, int shift) {
-    return (static_cast<float>(kGrid * cell + shift) + 0.5f) / kSubSamples;
-  };
-  return {at(x, kShift[y]), at(y, kShift[kGrid - 1 - x])};
-}
-
 /// The sub-samples that are traced first: one in each row, column and quadrant of the grid. The same holds
 /// for their lens points.
 constexpr std::array<int, 4> kFirst = {0, 7, 9, 14};
@@ -274,7 +262,8 @@ class PixelScan {
 
   Ray RayOf(int x, int y, int sub_sample) const {
     const Vec2 lens = camera_.HasLens() ? LensPointOf(camera_.NumberOf(x, y), sub_sample) : Vec2{};
-    return RayAt(x, y, PointOf(sub_sample), lens, kGrid, static_cast<uint32_t>(sub_sample));
+    const auto [right, down] = PlaceOfSubSample(sub_sample);
+    return RayAt(x, y, {right, down}, lens, kGrid, static_cast<uint32_t>(sub_sample));
   }
 
   /// The ray of this number through a point in the pixel, one of a grid of `side` rays a side.

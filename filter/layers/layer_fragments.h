@@ -21,8 +21,8 @@ struct LayerFragments {
     size_t last = 0;   // one after
   };
   std::vector<Pixel> pixels;
-  std::vector<std::array<int, 2>> places;     // of each point: x, y of its pixel
-  std::vector<float> offsets;  // 2 of each point: Fragment::place
+  std::vector<std::array<int, 2>> places;  // of each point: x, y of its pixel
+  std::vector<float> offsets;              // 2 of each point: Fragment::place
   size_t own_features = 0;
   std::vector<float> features;                        // geometry: own_features of each point
   std::vector<std::array<float, 3>> factor;           // T of D and I, S of G

@@ -89,13 +89,15 @@ Plane ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<Fra
     return picture;
   };
   const Choice choice(halves, LightOf(halves, picture_of(*change), pool), settings.choice, nullptr, pool);
-  const auto compare = [&](const FrameChange& with) {
-    Plane share = choice.ShareOf(picture_of(*change), picture_of(with), pool);
-    for (size_t h = 0; h < 2; ++h) MoveTowards(with[h], share, pool, &(*change)[h]);
+  const auto move = [&](const FrameChange& to, const Candidate& compared) {
+    Plane share = choice.ShareOf(picture_of(*change), compared, pool);
+    for (size_t h = 0; h < 2; ++h) MoveTowards(to[h], share, pool, &(*change)[h]);
     return share;
   };
-  for (const FrameChange& candidate : candidates) compare(candidate);
-  return compare(WithoutFireflies(settings, pool, &halves));
+  for (const FrameChange& candidate : candidates) move(candidate, picture_of(candidate));
+  // By how much is said by C with its fireflies, as in the choices of the noisy layers.
+  const FrameChange without = WithoutFireflies(settings, pool, &halves);
+  return move(without, {Clone(halves.a), Clone(halves.b)});
 }
 
 }  // namespace lumifold::filter

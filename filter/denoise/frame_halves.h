@@ -19,7 +19,8 @@ void AddEmissionChange(const FragmentSet& set, FrameChange* change);
 void SubtractEmissionOfHalves(const FragmentSet& set, Remainder* rest);
 
 /// Moves *change towards each of the candidates in turn, and at last towards C without its fireflies, as far
-/// as the halves of C show that it lowers the error (Choice). `mixed`: as Halves::is_mixed.
+/// as the halves of C show that it lowers the error (Choice): the last one by the share of C with them, as
+/// without them the halves of rare light agree by selection. `mixed`: as Halves::is_mixed.
 /// Result:  the share of the latter, W x H.
 /// Threads: identical for any pool.
 Plane ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<FrameChange>& candidates,

@@ -96,8 +96,8 @@ Plane ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<Fra
   };
   for (const FrameChange& candidate : candidates) move(candidate, picture_of(candidate));
   // By how much is said by C with its fireflies, as in the choices of the noisy layers.
-  const FrameChange without = WithoutFireflies(settings, pool, &halves);
-  return move(without, {Clone(halves.a), Clone(halves.b)});
+  const Candidate noisy = {Clone(halves.a), Clone(halves.b)};
+  return move(WithoutFireflies(settings, pool, &halves), noisy);
 }
 
 }  // namespace lumifold::filter

@@ -10,19 +10,18 @@ namespace {
 
 /// What takes the fireflies out of C. `halves`: of C; as they were afterwards.
 FrameChange WithoutFireflies(const LayerSettings& settings, TaskPool* pool, Halves* halves) {
-  FrameChange noisy = {Clone(halves->a), Clone(halves->b)};
+  FrameChange change = {Clone(halves->a), Clone(halves->b)};
   SuppressFireflies(settings.fireflies, settings.choice.wide_radius, halves, pool);
-  FrameChange change = {std::move(halves->a), std::move(halves->b)};
+  std::swap(change[0], halves->a);
+  std::swap(change[1], halves->b);
   for (size_t h = 0; h < 2; ++h) {
     for (size_t c = 0; c < 3; ++c) {
+      const Plane& noisy = HalfOf(*halves, h)[c];
       Plane& plane = change[h][c];
-      ForEachPixel(pool, plane.width(), plane.height(), [&](int x, int y) {
-        plane.At(x, y) = (plane.At(x, y) - noisy[h][c].At(x, y)) * halves->scale;
-      });
+      ForEachPixel(pool, plane.width(), plane.height(),
+                   [&](int x, int y) { plane.At(x, y) = (plane.At(x, y) - noisy.At(x, y)) * halves->scale; });
     }
   }
-  halves->a = std::move(noisy[0]);
-  halves->b = std::move(noisy[1]);
   return change;
 }
 

@@ -24,8 +24,9 @@ def flip_byte(path, position):
 
 
 def unit_log(world):
-    """A log with committed units."""
-    return max((world.data / "film").glob("*/*.units"), key=lambda path: path.stat().st_size)
+    """A log with committed units. ValueError: there is none; a log is empty until its first unit."""
+    sizes = {path: path.stat().st_size for path in (world.data / "film").glob("*/*.units")}
+    return max((path for path, size in sizes.items() if size > 0), key=sizes.get)
 
 
 def damage(change):

@@ -41,8 +41,7 @@ struct LightFit {
 };
 
 /// Further filterings of a layer whose first one is known, the choice between all, and the fit of light with
-/// its own choice. Values of points: 3 of
-/// each, or one; index 0 of a pair is half A, 1 is half B.
+/// its own choice. Index 0 of a pair is half A, 1 is half B.
 struct RefineCall {
   /// Of half A by each range, then the same of half B. All have the same signals, the noisy halves; their
   /// bases, the first filtering; features, the geometry; and points, whose weights are the shares of their

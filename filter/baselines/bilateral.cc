@@ -10,7 +10,7 @@
 #include "filter/layers/features.h"
 #include "filter/layers/filter_layers.h"
 #include "filter/layers/guide.h"
-#include "filter/layers/nlm_space.h"
+#include "filter/manifold/nlm_space.h"
 
 namespace lumifold::filter {
 namespace {

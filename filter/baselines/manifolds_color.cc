@@ -5,8 +5,8 @@
 
 #include "filter/baselines/display_color.h"
 #include "filter/image/planes.h"
-#include "filter/layers/nlm_space.h"
 #include "filter/manifold/manifold_filter.h"
+#include "filter/manifold/nlm_space.h"
 
 namespace lumifold::filter {
 namespace {

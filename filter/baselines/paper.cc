@@ -10,10 +10,10 @@
 #include "filter/layers/frame.h"
 #include "filter/layers/guide.h"
 #include "filter/layers/halves.h"
-#include "filter/layers/nlm_space.h"
 #include "filter/layers/product.h"
 #include "filter/layers/recombination.h"
 #include "filter/manifold/manifold_filter.h"
+#include "filter/manifold/nlm_space.h"
 
 namespace lumifold::filter {
 namespace {

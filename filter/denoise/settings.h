@@ -6,10 +6,10 @@
 
 #include "filter/denoise/firefly.h"
 #include "filter/layers/choice.h"
-#include "filter/layers/nlm_space.h"
 #include "filter/layers/product.h"
 #include "filter/manifold/fit_call.h"
 #include "filter/manifold/manifold_filter.h"
+#include "filter/manifold/nlm_space.h"
 
 namespace lumifold::filter {
 

@@ -6,9 +6,9 @@
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/layers/halves.h"
-#include "filter/layers/nlm_space.h"
 #include "filter/manifold/filter_device.h"
 #include "filter/manifold/manifold_filter.h"
+#include "filter/manifold/nlm_space.h"
 
 namespace lumifold::filter {
 

@@ -19,7 +19,7 @@ namespace lumifold::filter {
 using PlaneViews = std::vector<ConstFloatView>;
 PlaneViews ViewsOf(absl::Span<const Plane> planes);
 
-/// Coordinates of patches that are still to be projected, as ProjectPatches does (filter/layers/nlm_space.h).
+/// Coordinates of patches that are still to be projected, as ProjectPatches does (filter/manifold/nlm_space.h).
 struct PatchProjection {
   PlaneViews color;
   int radius = 0;

@@ -1,4 +1,4 @@
-// ProjectPatches (filter/layers/nlm_space.h), for a device and as C++. Follows manifold.cl in one program.
+// ProjectPatches (filter/manifold/nlm_space.h), for a device and as C++. Follows manifold.cl in one program.
 
 // StabiliseRow of filter/kernels/row_kernels.h.
 __kernel void Stabilise(int count, float inverse_knee, float shift, __global float* values) {

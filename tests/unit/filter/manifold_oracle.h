@@ -5,9 +5,9 @@
 
 #include "absl/types/span.h"
 #include "filter/image/planes.h"
-#include "filter/layers/nlm_space.h"
 #include "filter/manifold/filter_device.h"
 #include "filter/manifold/manifold_filter.h"
+#include "filter/manifold/nlm_space.h"
 #include "filter/opencl/kernel_run.h"
 
 namespace lumifold::filter {

@@ -1,4 +1,4 @@
-#include "filter/layers/nlm_space.h"
+#include "filter/manifold/nlm_space.h"
 
 #include <gtest/gtest.h>
 

@@ -11,8 +11,8 @@
 
 #include "filter/blocks.h"
 #include "filter/layers/guide.h"
-#include "filter/layers/nlm_space.h"
 #include "filter/manifold/filter_device.h"
+#include "filter/manifold/nlm_space.h"
 #include "filter/methods.h"
 #include "filter/opencl/device.h"
 #include "filter/opencl/filter_device.h"

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <numeric>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -13,6 +14,7 @@
 #include "filter/kernels/box_mean.h"
 #include "filter/layers/features.h"
 #include "filter/manifold/manifold_filter.h"
+#include "filter/manifold/returned_energy.h"
 
 namespace lumifold::filter {
 namespace {
@@ -272,8 +274,8 @@ double Total(const Plane& plane, ConstFloatView weight, TaskPool* pool) {
   });
 }
 
-/// 1 - 1/n of n equal outliers of the layer.
-float SharedPartOfAll(const std::array<Planes, 2>& removed, const Halves& halves, TaskPool* pool) {
+/// That of the layer's outliers.
+float PartOfAll(const std::array<Planes, 2>& removed, const Halves& halves, TaskPool* pool) {
   const ConstFloatView weight = halves.weight.view();
   Plane square(weight.width(), weight.height());
   Plane luminance(weight.width(), weight.height());
@@ -283,21 +285,19 @@ float SharedPartOfAll(const std::array<Planes, 2>& removed, const Halves& halves
     luminance.At(x, y) = mean;
     square.At(x, y) = mean * mean;
   });
-  const double sum = Total(luminance, weight, pool);
-  const double squares = Total(square, weight, pool);
-  return squares > 0 ? static_cast<float>(1.0 - std::min(1.0, squares / (sum * sum))) : 0.0f;
+  return SharedPartOfAll(Total(luminance, weight, pool), Total(square, weight, pool));
 }
 
 /// Adds `part` of what is not returned nearby to all light in proportion.
 void ReturnRest(const Planes& removed, const Planes& light, float part, ConstFloatView weight, TaskPool* pool,
                 Planes* energy) {
   for (size_t c = 0; c < 3; ++c) {
-    const double rest = Total(removed[c], weight, pool) - Total((*energy)[c], weight, pool);
-    const double all = Total(light[c], weight, pool);
-    if (!(rest > 0 && all > 0)) continue;
-    const float gain = part * static_cast<float>(rest / all);
+    const std::optional<float> gain =
+        GainOfRest(part, Total(removed[c], weight, pool), Total((*energy)[c], weight, pool),
+                   Total(light[c], weight, pool));
+    if (!gain.has_value()) continue;
     ForEachPixel(pool, weight.width(), weight.height(),
-                 [&](int x, int y) { (*energy)[c].At(x, y) += gain * std::max(0.0f, light[c].At(x, y)); });
+                 [&](int x, int y) { (*energy)[c].At(x, y) += *gain * std::max(0.0f, light[c].At(x, y)); });
   }
 }
 
@@ -322,7 +322,7 @@ std::array<Planes, 2> ReturnRemoved(const std::array<Planes, 2>& removed, const 
       for (Plane& channel : half.energy) channel.At(x, y) *= part;
     }
   });
-  const float part = SharedPartOfAll(removed, halves, pool);
+  const float part = PartOfAll(removed, halves, pool);
   for (size_t h = 0; h < 2; ++h) ReturnRest(removed[h], light, part, weight, pool, &spread[h].energy);
   return {std::move(spread[0].energy), std::move(spread[1].energy)};
 }

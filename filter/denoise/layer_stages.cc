@@ -6,6 +6,8 @@
 
 #include "absl/types/span.h"
 #include "filter/denoise/firefly.h"
+#include "filter/denoise/layer_device.h"
+#include "filter/denoise/layer_points.h"
 #include "filter/denoise/single_filtering.h"
 #include "filter/edges/light_regression.h"
 #include "filter/layers/features.h"
@@ -25,21 +27,10 @@ const Plane& WeightOf(const Halves& halves, size_t h) { return h == 0 ? halves.w
 
 bool HasBothHalves(const LayerState& state) { return state.halves.has_noise_estimate; }
 bool HasOneHalf(const LayerState& state) { return !state.halves.has_noise_estimate; }
-bool HasCandidates(const LayerState& state) { return !state.candidates.empty(); }
+/// Also where the device has chosen between them.
+bool HasCandidates(const LayerState& state) { return !state.candidates.empty() || state.is_done; }
 bool HasMixedPixels(const LayerState& state) {
   return HasCandidates(state) && !state.halves.is_difference && state.halves.is_mixed.width() > 0;
-}
-
-/// The fragments as points of the manifolds, with `light` as signals.
-SlicePoints PointsOf(const LayerFragments& fragments, float mixed_range, size_t h, std::vector<float> light) {
-  SlicePoints points;
-  points.pixels = fragments.places;
-  points.own_features = fragments.own_features;
-  points.features = fragments.features;
-  points.pixel_divisor = mixed_range * mixed_range;
-  points.signals = std::move(light);
-  points.weights = fragments.share[h];
-  return points;
 }
 
 /// What the filter leaves to points that it found nothing for: their own light, if any.
@@ -147,74 +138,13 @@ std::vector<Candidate> FilterHalves(const LayerState& state, const JointGuides& 
 
 void RunFirstFiltering(LayerState* state) {
   const LayerSettings& settings = state->settings;
-  const Halves& halves = state->halves;
-  PlaneViews kept = ViewsOf(state->geometry);
-  for (const Planes* half : {&halves.a, &halves.b}) {
-    for (const Plane& plane : *half) kept.push_back(plane.view());
-  }
-  for (const Plane* weight : {&halves.weight_a, &halves.weight_b}) kept.push_back(weight->view());
-  state->device.kept = std::make_unique<KeptPlanes>(std::move(kept), state->pool);
   Guide guide = MakeGuide(state->halves, state->halves.a, state->halves.b, settings.knee, state->pool);
   state->guide_noise = NoiseOfHalf(state->halves, guide, state->pool);
+  if (FilterOnDevice(state)) return;
   const JointGuides guides =
       MakeJointGuides(std::move(guide), state->halves, settings.patches,
                       settings.range_factor * state->guide_noise, state->geometry, state->pool);
   state->candidates = FilterHalves(*state, guides, {1}, settings.first_manifolds, nullptr);
-}
-
-/// The noisy layer at the fragments: `light`, in the halves' unit.
-ChoicePoints PointsToCompare(const LayerState& state, std::array<std::vector<float>, 2> light) {
-  const LayerFragments& fragments = state.fragments;
-  ChoicePoints points{.places = fragments.places, .weights = {}, .samples = {}, .noisy = std::move(light)};
-  for (size_t i = 0; i < fragments.places.size(); ++i) {
-    const auto& [x, y] = fragments.places[i];
-    const bool has_both = fragments.share[0][i] > 0 && fragments.share[1][i] > 0;
-    const float covered = 0.5f * (fragments.coverage[0][i] + fragments.coverage[1][i]);
-    const float share = 0.5f * (fragments.share[0][i] + fragments.share[1][i]);
-    points.weights.push_back(has_both ? covered * covered : 0.0f);
-    points.samples.push_back(std::max(1.0f, share * state.halves.samples.At(x, y)));
-  }
-  return points;
-}
-
-/// The second filterings, the choice and the light's regression on the device of the pool, if it can. Sets
-/// the result.
-bool RefineOnDevice(const JointGuides& guides, const std::vector<float>& scales, LayerState* state) {
-  FilterDevice* const device = DeviceOf(state->pool);
-  if (device == nullptr) return false;
-  const Halves& halves = state->halves;
-  const Candidate& first = state->candidates.front();
-  const LayerFragments& fragments = state->fragments;
-  const std::array<SlicePoints, 2> inputs = {InputOf(*state, 0, &first), InputOf(*state, 1, &first)};
-  const std::vector<GuidedFiltering> filterings = FilteringsOf(*state, inputs, guides, scales, &first);
-  const std::vector<ManifoldCall> calls =
-      CallsOf(filterings, state->settings.twicing_manifolds, state->settings.reach_px);
-  const ChoicePoints points = PointsToCompare(*state, {});
-  std::optional<LightFit> fit;
-  if (state->device.may_fit && HasMixedPixels(*state))
-    fit = {state->settings.regression, state->settings.knee};
-  std::optional<RefinedHalves> refined =
-      device->Refine({.filterings = calls,
-                      .choice = state->settings.choice,
-                      .fit = fit,
-                      .level = halves.level,
-                      .weight = halves.weight.view(),
-                      .samples = halves.samples.view(),
-                      .light = halves.picture_light.view(),
-                      .expected = halves.expected_difference.view(),
-                      .mixed = halves.is_mixed.view(),
-                      .noisy = {fragments.light[0], fragments.light[1]},
-                      .base = {first.points[0], first.points[1]},
-                      .coverage = {fragments.coverage[0], fragments.coverage[1]},
-                      .offsets = fragments.offsets,
-                      .point_weights = points.weights,
-                      .point_samples = points.samples});
-  if (!refined.has_value()) return false;
-  auto& [a, b] = *refined;
-  state->result = Pair({std::move(a.filtered), std::move(a.points.values)},
-                       {std::move(b.filtered), std::move(b.points.values)});
-  state->device.has_fitted = fit.has_value();
-  return true;
 }
 
 void RunSecondFilterings(LayerState* state) {
@@ -227,7 +157,6 @@ void RunSecondFilterings(LayerState* state) {
   std::vector<float> scales;
   scales.reserve(settings.twicing_ranges.size());
   for (const float range : settings.twicing_ranges) scales.push_back(widest / range);
-  if (state->device.may_choose && RefineOnDevice(guides, scales, state)) return;
   for (Candidate& candidate : FilterHalves(*state, guides, scales, settings.twicing_manifolds, &first))
     state->candidates.push_back(std::move(candidate));
 }
@@ -291,7 +220,6 @@ void MoveTowardsAll(absl::Span<const Candidate> candidates, LayerState* state) {
 }
 
 void RunChoice(LayerState* state) {
-  if (!state->result.a.empty()) return;  // the device has chosen
   state->result = std::move(state->candidates.front());
   MoveTowardsAll(absl::MakeSpan(state->candidates).subspan(1), state);
 }
@@ -302,7 +230,6 @@ void UseLastCandidate(LayerState* state) {
 }
 
 void RunLightRegression(LayerState* state) {
-  if (state->device.has_fitted) return;
   UseLastCandidate(state);
   const LayerSettings& settings = state->settings;
   const Candidate fitted = FitLight(state->halves, state->fragments, state->geometry, state->result,
@@ -318,15 +245,11 @@ void RunNoisyChoice(LayerState* state) {
   AddEnergy(*state, &state->result);
   Candidate noisy = Noisy(*state);
   AddEnergy(*state, &noisy);
-  state->device.kept = nullptr;  // no filtering follows, and the halves change
   if (!state->removed[0].empty()) {
     AddPlanes(state->removed[0], state->pool, absl::MakeSpan(state->halves.a));
     AddPlanes(state->removed[1], state->pool, absl::MakeSpan(state->halves.b));
   }
-  Candidate uncut{Clone(state->halves.a), Clone(state->halves.b), state->fragments.noisy};
-  for (std::vector<float>& half : uncut.points) {
-    for (float& value : half) value /= state->halves.scale;
-  }
+  const Candidate uncut{Clone(state->halves.a), Clone(state->halves.b), UncutLight(*state)};
   const ChoicePoints points = PointsToCompare(*state, uncut.points);
   const Choice choice(state->halves, LightOf(state->halves, state->result, state->pool),
                       state->settings.choice, &points, state->pool);
@@ -369,9 +292,10 @@ constexpr char kManifoldSource[] = "Gastal & Oliveira 2012; Gruzdev et al. 2015"
 
 int ReachWindow(const Settings& settings) { return BlurWindow(settings.layer.reach_px); }
 
-LayerState Open(const LayerSettings& settings, const Product& product, Halves halves,
+LayerState Open(const LayerSettings& settings, const SwitchedOff& off, const Product& product, Halves halves,
                 LayerFragments fragments, TaskPool* pool) {
   LayerState state{.settings = settings,
+                   .off = off,
                    .product = product,
                    .geometry = product.geometry,
                    .pool = pool,
@@ -383,8 +307,7 @@ LayerState Open(const LayerSettings& settings, const Product& product, Halves ha
                    .candidates = {},
                    .firefly_energy = {},
                    .result = {},
-                   .returned = {},
-                   .device = {}};
+                   .returned = {}};
   UseFragments(&state.fragments, &state.halves);
   return state;
 }
@@ -513,15 +436,13 @@ FilteredLayer RunLayer(const std::vector<LayerStage>& stages, const LayerSetting
     return black;
   }
   const float scale = halves.scale;
-  LayerState state = Open(settings, product, std::move(halves), std::move(fragments), pool);
-  state.device.may_choose = !IsOff(off, "choice");
-  state.device.may_fit = !IsOff(off, "light-regression");
+  LayerState state = Open(settings, off, product, std::move(halves), std::move(fragments), pool);
   for (const LayerStage& stage : stages) {
     if (IsOff(off, stage.info.name) || !stage.is_on(state)) continue;
-    stage.run(&state);
+    if (!state.is_done) stage.run(&state);
     if (watch) watch(stage.info.name);
   }
-  if (HasCandidates(state) && IsOff(off, "noisy-choice")) AddSharedEnergy(&state);
+  if (!state.candidates.empty() && IsOff(off, "noisy-choice")) AddSharedEnergy(&state);
   if (state.result.a.empty()) state.result = Noisy(state);  // its filtering is switched off
   RestoreUnits(product, scale, pool, &state.result);
   RestoreUnits(product, scale, pool, &state.returned);

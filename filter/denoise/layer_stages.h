@@ -1,7 +1,6 @@
 #pragma once
 
 #include <array>
-#include <memory>
 #include <vector>
 
 #include "filter/denoise/stage.h"
@@ -10,22 +9,14 @@
 #include "filter/layers/halves.h"
 #include "filter/layers/product.h"
 #include "filter/layers/recombination.h"
-#include "filter/manifold/filter_device.h"
 #include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {
 
-/// What the device of the pool, if it has one, does of a layer.
-struct DeviceWork {
-  std::unique_ptr<KeptPlanes> kept;  // halves, weights and geometry, from filtering to filtering
-  // Stages that are not switched off, which follow the second filterings in one call:
-  bool may_choose = true, may_fit = true;
-  bool has_fitted = false;  // then the result is there
-};
-
 /// One layer of light on its way through the stages. Each stage reads what the ones before it wrote.
 struct LayerState {
   const LayerSettings& settings;
+  const SwitchedOff& off;
   const Product& product;
   const Planes& geometry;
   TaskPool* pool;
@@ -38,8 +29,8 @@ struct LayerState {
   std::vector<Candidate> candidates;
   std::array<Planes, 2> firefly_energy;  // of each half, 3: what was removed, spread; empty: nothing
   Candidate result;
-  Planes returned;  // FilteredLayer::returned, in the halves' unit
-  DeviceWork device;
+  Planes returned;       // FilteredLayer::returned, in the halves' unit
+  bool is_done = false;  // by the device: the stages from the first filtering on have nothing to do
 };
 
 struct LayerStage {

@@ -7,7 +7,7 @@
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/layers/halves.h"
-#include "filter/manifold/refine_call.h"
+#include "filter/manifold/layer_call.h"
 
 namespace lumifold::filter {
 

@@ -2,12 +2,10 @@
 
 #include "filter/image/portable_math.h"
 #include "filter/kernels/row_kernels.h"
+#include "filter/manifold/layer_call.h"
 
 namespace lumifold::filter {
 namespace {
-
-/// Features above this count as unusable: their squared distances must stay finite.
-constexpr float kLargestFeature = 1e6f;
 
 float FeatureOr0(float x) { return UsableOr0(x, kLargestFeature); }
 

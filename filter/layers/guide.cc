@@ -4,7 +4,6 @@
 #include <optional>
 #include <utility>
 
-#include "filter/image/portable_math.h"
 #include "filter/layers/features.h"
 
 namespace lumifold::filter {
@@ -12,13 +11,13 @@ namespace {
 
 PatchProjection ProjectionOf(const GuidedFiltering& filtering) {
   const JointGuide& guide = filtering.guide;
-  PatchProjection patches = {ViewsOf(guide.color), guide.basis.radius, guide.basis.dimensions,
-                             guide.basis.kernels, filtering.scale};
-  if (guide.of.color == nullptr) return patches;
-  patches.color = ViewsOf(*guide.of.color);  // which other calls have, too
-  patches.inverse_knee = 1.0f / guide.of.knee;
-  patches.shift = Asinh(guide.of.origin * patches.inverse_knee);
-  return patches;
+  return {ViewsOf(guide.color), guide.basis.radius, guide.basis.dimensions, guide.basis.kernels,
+          filtering.scale};
+}
+
+/// What the base leaves of the signals; empty without one.
+Planes RestOf(const GuidedFiltering& filtering, TaskPool* pool) {
+  return filtering.base != nullptr ? Difference(filtering.signals, *filtering.base, pool) : Planes{};
 }
 
 /// nullopt: the processor filters.
@@ -30,7 +29,15 @@ std::optional<std::vector<ManifoldResult>> FilterOnDevice(absl::Span<const Guide
   for (const GuidedFiltering& filtering : filterings) {
     if (filtering.mask.width() == 0 || filtering.mask.height() == 0) return std::nullopt;
   }
-  return device->Filter(CallsOf(filterings, params, reach));
+  std::vector<Planes> rests;
+  rests.reserve(filterings.size());
+  std::vector<ManifoldCall> calls;
+  for (const GuidedFiltering& filtering : filterings) {
+    const Planes& rest = rests.emplace_back(RestOf(filtering, pool));
+    calls.push_back({ViewsOf(rest.empty() ? filtering.signals : rest), ProjectionOf(filtering),
+                     ViewsOf(filtering.guide.geometry), filtering.mask, params, reach, filtering.points});
+  }
+  return device->Filter(calls);
 }
 
 /// Multiplies the coordinates of patches, which come before the geometry.
@@ -45,10 +52,7 @@ void ScalePatches(float by, size_t geometry, TaskPool* pool, Planes* features) {
 
 Guide MakeGuide(const Halves& halves, const Planes& a, const Planes& b, float knee, TaskPool* pool) {
   const float level = halves.level;
-  return {Stabilise(a, knee * level, level, pool),
-          Stabilise(b, knee * level, level, pool),
-          {&a, knee * level, level},
-          {&b, knee * level, level}};
+  return {Stabilise(a, knee * level, level, pool), Stabilise(b, knee * level, level, pool)};
 }
 
 float NoiseOfHalf(const Halves& halves, const Guide& guide, TaskPool* pool) {
@@ -68,29 +72,14 @@ JointGuides MakeJointGuides(Guide guide, const Halves& halves, const PatchParams
                             absl::Span<const Plane> geometry, TaskPool* pool) {
   const Planes mean = Combine(guide.a, guide.b, halves.share_a.view(), pool);
   const PatchBasis basis = FitPatchBasis(mean, halves.weight.view(), patches, pool);
-  JointGuides guides = {MakeJointGuide(std::move(guide.a), basis, sigma_q, geometry),
-                        MakeJointGuide(std::move(guide.b), basis, sigma_q, geometry)};
-  guides.a.of = guide.of_a;
-  guides.b.of = guide.of_b;
-  return guides;
+  return {MakeJointGuide(std::move(guide.a), basis, sigma_q, geometry),
+          MakeJointGuide(std::move(guide.b), basis, sigma_q, geometry)};
 }
 
 Planes JointFeatures(const JointGuide& guide, TaskPool* pool) {
   Planes features = ProjectPatches(guide.color, guide.basis, pool);
   for (const Plane& plane : guide.geometry) features.push_back(plane.Clone());
   return features;
-}
-
-std::vector<ManifoldCall> CallsOf(absl::Span<const GuidedFiltering> filterings, const ManifoldParams& params,
-                                  float reach) {
-  std::vector<ManifoldCall> calls;
-  for (const GuidedFiltering& filtering : filterings) {
-    calls.push_back({ViewsOf(filtering.signals),
-                     filtering.base != nullptr ? ViewsOf(*filtering.base) : PlaneViews{},
-                     ProjectionOf(filtering), ViewsOf(filtering.guide.geometry), filtering.mask, params,
-                     reach, filtering.points});
-  }
-  return calls;
 }
 
 std::vector<ManifoldResult> FilterGuided(absl::Span<const GuidedFiltering> filterings,
@@ -108,8 +97,7 @@ std::vector<ManifoldResult> FilterGuided(absl::Span<const GuidedFiltering> filte
     }
     scale = filtering.scale;
     if (scale != 1) ScalePatches(scale, guide->geometry.size(), pool, &features);
-    Planes rest;
-    if (filtering.base != nullptr) rest = Difference(filtering.signals, *filtering.base, pool);
+    const Planes rest = RestOf(filtering, pool);
     results.push_back(ManifoldFilterAtPoints(rest.empty() ? filtering.signals : rest, features,
                                              filtering.mask, params, reach, filtering.points, pool));
   }

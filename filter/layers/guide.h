@@ -12,22 +12,13 @@
 
 namespace lumifold::filter {
 
-/// What planes are made of by Stabilise(); it stays the caller's.
-struct Unstabilised {
-  const Planes* color = nullptr;  // null: there is nothing
-  float knee = 1;
-  float origin = 0;
-};
-
 /// Both halves of a picture as guides: with stabilised variance (Stabilise).
 struct Guide {
   Planes a;
   Planes b;
-  Unstabilised of_a;
-  Unstabilised of_b;
 };
 
-/// `knee`: over the layer's mean. The guide refers to `a` and `b`.
+/// `knee`: over the layer's mean.
 Guide MakeGuide(const Halves& halves, const Planes& a, const Planes& b, float knee, TaskPool* pool);
 
 /// RMS noise of one half of the guide; noise-free layers count as having a little, so that no range is 0.
@@ -39,7 +30,6 @@ struct JointGuide {
   Planes color;
   PatchBasis basis;  // its kernels over sigma_q
   absl::Span<const Plane> geometry;
-  Unstabilised of = {};  // what `color` is made of
 };
 JointGuide MakeJointGuide(Planes color, const PatchBasis& basis, float sigma_q,
                           absl::Span<const Plane> geometry);
@@ -67,10 +57,6 @@ struct GuidedFiltering {
   ConstFloatView mask;
   const SlicePoints* points;  // may be null
 };
-
-/// The filterings for a device, which refer to them.
-std::vector<ManifoldCall> CallsOf(absl::Span<const GuidedFiltering> filterings, const ManifoldParams& params,
-                                  float reach);
 
 /// ManifoldFilterAtPoints for each; the device of the pool, if it has one, does all together. Those of one
 /// guide come one after another, those of scale 1 first.

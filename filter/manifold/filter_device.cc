@@ -32,15 +32,6 @@ std::unique_ptr<TaskPool> WithDevice(std::unique_ptr<TaskPool> pool, std::shared
   return std::make_unique<PoolWithDevice>(std::move(pool), std::move(device));
 }
 
-KeptPlanes::KeptPlanes(PlaneViews planes, TaskPool* pool)
-    : planes_(std::move(planes)), device_(DeviceOf(pool)) {
-  if (device_ != nullptr) device_->Keep(planes_);
-}
-
-KeptPlanes::~KeptPlanes() {
-  if (device_ != nullptr) device_->Forget(planes_);
-}
-
 FilterDevice* DeviceOf(TaskPool* pool) {
   const auto* const with_device = dynamic_cast<const PoolWithDevice*>(pool);
   return with_device == nullptr ? nullptr : with_device->device();

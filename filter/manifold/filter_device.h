@@ -10,30 +10,26 @@
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/manifold/fit_call.h"
+#include "filter/manifold/layer_call.h"
 #include "filter/manifold/manifold_filter.h"
-#include "filter/manifold/refine_call.h"
 
 namespace lumifold::filter {
 
-/// Views of planes, which stay the caller's.
-using PlaneViews = std::vector<ConstFloatView>;
 PlaneViews ViewsOf(absl::Span<const Plane> planes);
 
-/// Coordinates of patches that are still to be projected, as ProjectPatches does (filter/manifold/nlm_space.h).
+/// Coordinates of patches that are still to be projected, as ProjectPatches (filter/manifold/nlm_space.h)
+/// does.
 struct PatchProjection {
   PlaneViews color;
   int radius = 0;
   int dimensions = 0;  // 0: there are none
   absl::Span<const float> taps;
   float scale = 1;  // that the coordinates are multiplied by
-  /// Asinh(color * inverse_knee) - shift is projected, as StabiliseRow() has it; 0: the colours as they are.
-  float inverse_knee = 0, shift = 0;
 };
 
 /// What ManifoldFilterAtPoints takes. The picture has pixels, and the rest is as it asks for.
 struct ManifoldCall {
   PlaneViews signals;
-  PlaneViews bases;         // that are subtracted from the signals of pixels; none: nothing is
   PatchProjection patches;  // the first features
   PlaneViews features;      // the others
   ConstFloatView mask;
@@ -43,9 +39,6 @@ struct ManifoldCall {
 
   size_t FeatureCount() const { return static_cast<size_t>(patches.dimensions) + features.size(); }
 };
-
-/// Both halves of a layer, without weights of points.
-using RefinedHalves = std::array<ManifoldResult, 2>;
 
 /// A processor beside this machine's own. ManifoldFilterAtPoints, FilterGuided (filter/layers/guide.h),
 /// ModelGrid and the stages of layers use the one that their pool has. nullopt: the device cannot, and the
@@ -62,28 +55,11 @@ class FilterDevice {
   /// to the device once.
   virtual std::optional<std::vector<ManifoldResult>> Filter(absl::Span<const ManifoldCall> calls) = 0;
   virtual std::optional<FitResult> Fit(const FitCall& call) = 0;
-  virtual std::optional<RefinedHalves> Refine(const RefineCall& call) = 0;
-
-  /// These planes stay where and as they are until Forget(): calls may send them once.
-  virtual void Keep(absl::Span<const ConstFloatView> planes) = 0;
-  virtual void Forget(absl::Span<const ConstFloatView> planes) = 0;
+  virtual std::optional<LayerResult> FilterLayer(const LayerCall& call) = 0;
 };
 
 /// `pool` with a device; `device` may be null.
 std::unique_ptr<TaskPool> WithDevice(std::unique_ptr<TaskPool> pool, std::shared_ptr<FilterDevice> device);
-
-/// Planes that neither change nor move before this object ends, for the device of the pool, if it has one.
-class KeptPlanes {
- public:
-  KeptPlanes(PlaneViews planes, TaskPool* pool);
-  KeptPlanes(const KeptPlanes&) = delete;
-  KeptPlanes& operator=(const KeptPlanes&) = delete;
-  ~KeptPlanes();
-
- private:
-  const PlaneViews planes_;
-  FilterDevice* const device_;
-};
 
 /// The device of a pool that WithDevice() has made; null for another, and for null.
 FilterDevice* DeviceOf(TaskPool* pool);

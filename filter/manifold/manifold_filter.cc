@@ -264,7 +264,7 @@ ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& featu
   if (mask.width() == 0 || mask.height() == 0)
     return {MakePlanes(signals.size(), mask.width(), mask.height()), {}};
   if (FilterDevice* const device = DeviceOf(pool)) {
-    const ManifoldCall call = {ViewsOf(signals), {}, {}, ViewsOf(features), mask, params, reach, points};
+    const ManifoldCall call = {ViewsOf(signals), {}, ViewsOf(features), mask, params, reach, points};
     if (auto results = device->Filter({&call, 1})) return std::move(results->front());
   }
   return Filter(signals, features, mask, params, reach, points, pool).Run();

@@ -1,7 +1,7 @@
 // Choice (filter/layers/choice.h) and what leads to it, for a device and as C++. Follows shared.cl in a program of its own; cells are
 // those of wide windows, of kChoiceCell pixels.
 //
-// The host defines the constants of filter/manifold/refine_call.h by their names.
+// The host defines the constants of filter/manifold/layer_call.h by their names.
 //
 // Layouts: pictures as shared.cl has them. A run is the points of one pixel; `firsts`: of each run, its first
 // point, and the end of the last. Sums over cells: plane TERMS * kind + term. No sum crosses work-items; those over a window have
@@ -15,8 +15,9 @@ size_t PixelOfPoint(int point, Grid grid, __global const int* places) {
 size_t PixelOfSite(size_t site, Grid grid, __global const int* places) {
   return site < PixelsOf(grid) ? site : PixelOfPoint((int)(site - PixelsOf(grid)), grid, places);
 }
-// A filtered half with its base. Points that the filter found nothing for get their own light, if they have `weights`.
-__kernel void TakeFiltered(Grid grid, int half_of, __global const float* weights, __global const float* found,
+// A filtered half, added to its base if it `has_base`. Points that the filter found nothing for get their own light, if they have
+// `weights`.
+__kernel void TakeFiltered(Grid grid, int half_of, int has_base, __global const float* weights, __global const float* found,
                            __global const float* signals, __global const float* filtered, __global const float* base,
                            __global float* picture) {
   const size_t site = get_global_id(0);
@@ -25,7 +26,8 @@ __kernel void TakeFiltered(Grid grid, int half_of, __global const float* weights
   const int is_lost = site >= pixels && !(found[site - pixels] > 0.0f) && weights[site - pixels] > 0.0f;
   for (int c = 0; c < 3; ++c) {
     const size_t at = PlaneOf(half_of, c, grid) + site, of_half = c * SitesOf(grid) + site;
-    picture[at] = (is_lost ? signals[of_half] : filtered[of_half]) + base[at];
+    const float value = is_lost ? signals[of_half] : filtered[of_half];
+    picture[at] = has_base ? value + base[at] : value;
   }
 }
 
@@ -297,13 +299,16 @@ __kernel void SmoothShare(Grid grid, int radius, __global const float* weight, _
   smooth[pixel] = mass > 0.0f ? sum / mass : 0.0f;
 }
 
-// Moves a picture towards another by the shares of pixels. A work-item a site.
-__kernel void MoveTowards(Grid grid, __global const int* places, __global const float* share,
-                          __global const float* towards, __global float* picture) {
-  const size_t site = get_global_id(0);
+// Moves a picture towards another by the shares of pixels; if that one `is_noisy`, without the points of a half in which these have no
+// weight. A work-item a site.
+__kernel void MoveTowards(Grid grid, int is_noisy, __global const int* places, __global const float* weights_a,
+                          __global const float* weights_b, __global const float* share, __global const float* towards,
+                          __global float* picture) {
+  const size_t site = get_global_id(0), pixels = PixelsOf(grid);
   if (site >= SitesOf(grid)) return;
   const float t = share[PixelOfSite(site, grid, places)];
   for (int i = 0; i < 6; ++i) {
+    if (is_noisy && site >= pixels && !((i < 3 ? weights_a : weights_b)[site - pixels] > 0.0f)) continue;
     const size_t at = i * SitesOf(grid) + site;
     picture[at] += t * (towards[at] - picture[at]);
   }

@@ -14,16 +14,19 @@
 #include "absl/strings/str_format.h"
 #include "filter/image/mix_bits.h"
 #include "filter/kernels/kernel_constants.h"
+#include "filter/manifold/layer_call.h"
 #include "filter/manifold/manifold_constants.h"
-#include "filter/manifold/refine_call.h"
 #include "filter/opencl/choice_source.h"
 #include "filter/opencl/covariance_source.h"
+#include "filter/opencl/energy_source.h"
 #include "filter/opencl/fit_source.h"
+#include "filter/opencl/layer_source.h"
 #include "filter/opencl/light_source.h"
 #include "filter/opencl/manifold_source.h"
 #include "filter/opencl/opencl_library.h"
 #include "filter/opencl/probe_source.h"
 #include "filter/opencl/projection_source.h"
+#include "filter/opencl/reals_source.h"
 #include "filter/opencl/shared_source.h"
 
 namespace lumifold::filter {
@@ -79,7 +82,7 @@ std::vector<cl_device_id> FindDevices(const OpenClLibrary& cl) {
   return found;
 }
 
-/// Without it covariance.cl does with integers.
+/// Without it reals.cl does with integers.
 bool HasDoubles(const OpenClLibrary& cl, cl_device_id device) {
   return (NumberOf<cl_device_fp_config>(cl, device, CL_DEVICE_DOUBLE_FP_CONFIG) & CL_FP_DENORM) != 0;
 }
@@ -97,7 +100,8 @@ void Define(std::initializer_list<std::pair<const char*, float>> constants, std:
 
 ProgramText TextOf(const KernelOptions& options, bool has_doubles) {
   ProgramText text = {
-      {kProbeKernels, kSharedKernels, kManifoldKernels, kCovarianceKernels, kProjectionKernels},
+      {kProbeKernels, kSharedKernels, kRealsKernels, kManifoldKernels, kCovarianceKernels,
+       kProjectionKernels},
       absl::StrFormat("-DFEATURES=%d -DCHANNELS=%d -DFITS=%d -DSTEP=%d -DMOST_FEATURES=%d -DMOST_PLANES=%d "
                       "-DMOST_STEP=%d -DDOUBLES=%d -DkLeastSpread=0x%xUL",
                       options.features, options.channels, options.fits ? 1 : 0, options.step,
@@ -133,11 +137,13 @@ ProgramText TextOf(const FitShape& shape, bool) {
   return text;
 }
 
-ProgramText TextOf(const ChoiceProgram&, bool) {
-  ProgramText text = {{kProbeKernels, kSharedKernels, kChoiceKernels},
-                      absl::StrFormat("-DkChoiceCell=%d -DkMixedKind=%d -DkPointKind=%d -DkMostKinds=%d",
-                                      kChoiceCell, kMixedKind, kPointKind, kMostKinds)};
-  Define({{"kMostLeverage", kMostLeverage}}, &text.options);
+ProgramText TextOf(const LayerProgram&, bool has_doubles) {
+  ProgramText text = {
+      {kProbeKernels, kSharedKernels, kRealsKernels, kChoiceKernels, kLayerKernels, kEnergyKernels},
+      absl::StrFormat("-DkChoiceCell=%d -DkMixedKind=%d -DkPointKind=%d -DkMostKinds=%d -DDOUBLES=%d",
+                      kChoiceCell, kMixedKind, kPointKind, kMostKinds, has_doubles ? 1 : 0),
+      true};
+  Define({{"kMostLeverage", kMostLeverage}, {"kLargestFeature", kLargestFeature}}, &text.options);
   return text;
 }
 
@@ -187,10 +193,10 @@ class OpenClRun final : public KernelRun {
          "clEnqueueWriteBuffer");
   }
 
-  void Copy(Buffer from, Buffer to, size_t to_offset, size_t bytes) override {
+  void Copy(Buffer from, size_t from_offset, Buffer to, size_t to_offset, size_t bytes) override {
     if (!status_.ok() || bytes == 0) return;
-    Note(cl_.clEnqueueCopyBuffer(queue_, MemoryOf(from), MemoryOf(to), 0, to_offset, bytes, 0, nullptr,
-                                 nullptr),
+    Note(cl_.clEnqueueCopyBuffer(queue_, MemoryOf(from), MemoryOf(to), from_offset, to_offset, bytes, 0,
+                                 nullptr, nullptr),
          "clEnqueueCopyBuffer");
   }
 

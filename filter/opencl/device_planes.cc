@@ -9,7 +9,7 @@ namespace {
 std::map<const float*, int> UsesOf(absl::Span<const ManifoldCall> calls) {
   std::map<const float*, int> uses;
   for (const ManifoldCall& call : calls) {
-    for (const PlaneViews* views : {&call.signals, &call.bases, &call.patches.color, &call.features}) {
+    for (const PlaneViews* views : {&call.signals, &call.patches.color, &call.features}) {
       for (const ConstFloatView& view : *views) ++uses[view.Row(0)];
     }
     ++uses[call.mask.Row(0)];
@@ -29,26 +29,26 @@ DevicePlanes::DevicePlanes(absl::Span<const ManifoldCall> calls, bool stay, Kern
   if (stay) uses_ = UsesOf(calls);
 }
 
-void DevicePlanes::Upload(ConstFloatView plane, KernelRun::Buffer to, size_t offset_bytes) {
+void UploadPlane(ConstFloatView plane, KernelRun::Buffer to, size_t offset_bytes, KernelRun* run) {
   const auto width = static_cast<size_t>(plane.width());
   std::vector<float> values;
   values.reserve(width * static_cast<size_t>(plane.height()));
   for (int y = 0; y < plane.height(); ++y) values.insert(values.end(), plane.Row(y), plane.Row(y) + width);
-  run_.Write(to, offset_bytes, values.data(), values.size() * sizeof(float));
+  run->Write(to, offset_bytes, values.data(), values.size() * sizeof(float));
 }
 
 void DevicePlanes::Put(ConstFloatView plane, KernelRun::Buffer to, size_t offset_bytes) {
   const float* const key = plane.Row(0);
   const auto uses = uses_.find(key);
-  if (uses == uses_.end() || uses->second == 1) return Upload(plane, to, offset_bytes);
+  if (uses == uses_.end() || uses->second == 1) return UploadPlane(plane, to, offset_bytes, &run_);
   const size_t bytes =
       static_cast<size_t>(plane.width()) * static_cast<size_t>(plane.height()) * sizeof(float);
   auto found = here_.find(key);
   if (found == here_.end()) {
     found = here_.emplace(key, run_.Allocate(bytes)).first;
-    Upload(plane, found->second, 0);
+    UploadPlane(plane, found->second, 0, &run_);
   }
-  run_.Copy(found->second, to, offset_bytes, bytes);
+  run_.Copy(found->second, 0, to, offset_bytes, bytes);
 }
 
 }  // namespace lumifold::filter

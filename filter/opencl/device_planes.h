@@ -11,6 +11,9 @@
 
 namespace lumifold::filter {
 
+/// Writes the pixels of a plane, row by row.
+void UploadPlane(ConstFloatView plane, KernelRun::Buffer to, size_t offset_bytes, KernelRun* run);
+
 /// Planes of calls that several use, a buffer each.
 uint64_t SharedPlanes(absl::Span<const ManifoldCall> calls);
 
@@ -23,8 +26,6 @@ class DevicePlanes {
   void Put(ConstFloatView plane, KernelRun::Buffer to, size_t offset_bytes);
 
  private:
-  void Upload(ConstFloatView plane, KernelRun::Buffer to, size_t offset_bytes);
-
   KernelRun& run_;
   std::map<const float*, int> uses_;  // of planes that stay; by the first pixel
   std::map<const float*, KernelRun::Buffer> here_;

@@ -14,8 +14,8 @@
 #include "absl/strings/str_format.h"
 #include "filter/opencl/device.h"
 #include "filter/opencl/fit_run.h"
+#include "filter/opencl/layer_run.h"
 #include "filter/opencl/manifold_run.h"
-#include "filter/opencl/refine_run.h"
 
 namespace lumifold::filter {
 namespace {
@@ -38,9 +38,7 @@ class OpenClFilterDevice final : public FilterDevice {
     return Do(calls, RunManifolds);
   }
   std::optional<FitResult> Fit(const FitCall& call) override { return Do(call, RunFit); }
-  std::optional<RefinedHalves> Refine(const RefineCall& call) override { return Do(call, RunRefinement); }
-  void Keep(absl::Span<const ConstFloatView>) override {}
-  void Forget(absl::Span<const ConstFloatView>) override {}
+  std::optional<LayerResult> FilterLayer(const LayerCall& call) override { return Do(call, RunLayerCall); }
 
  private:
   /// Work by kernels in the memory that can be had.

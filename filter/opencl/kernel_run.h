@@ -24,13 +24,13 @@ struct KernelOptions {
   auto operator<=>(const KernelOptions&) const = default;
 };
 
-/// The program of choice.cl.
-struct ChoiceProgram {
-  auto operator<=>(const ChoiceProgram&) const = default;
+/// The program of layers: choice.cl, layer.cl and energy.cl.
+struct LayerProgram {
+  auto operator<=>(const LayerProgram&) const = default;
 };
 
-/// What a program is made for: the manifolds, fit.cl, or choice.cl.
-using ProgramOptions = std::variant<KernelOptions, FitShape, ChoiceProgram>;
+/// What a program is made for: the manifolds, fit.cl, or layers.
+using ProgramOptions = std::variant<KernelOptions, FitShape, LayerProgram>;
 
 /// As fit.cl has it.
 struct FitWindow {
@@ -82,7 +82,7 @@ class KernelRun {
   /// `from` may change after the call.
   virtual void Write(Buffer to, size_t offset, const void* from, size_t bytes) = 0;
   /// Within the device.
-  virtual void Copy(Buffer from, Buffer to, size_t to_offset, size_t bytes) = 0;
+  virtual void Copy(Buffer from, size_t from_offset, Buffer to, size_t to_offset, size_t bytes) = 0;
   /// Runs `items` work-items of a kernel.
   virtual void Run(const char* kernel, size_t items, std::initializer_list<Argument> arguments) = 0;
   /// Waits for all work.

@@ -22,8 +22,12 @@ int32_t Int(size_t count) { return static_cast<int32_t>(count); }
 /// One filtering; its work is in the order of the members. Leaves no memory behind.
 class ManifoldRun {
  public:
-  ManifoldRun(const ManifoldCall& call, const DeviceMemory& memory, DevicePlanes* planes, KernelRun* run)
-      : call_(call), run_(*run), from_(*planes), sizes_(call), plan_(PlanFor(memory, sizes_)) {}
+  ManifoldRun(const SiteFiltering& call, const DeviceMemory& memory, KernelRun* run)
+      : call_(call),
+        run_(*run),
+        sizes_(call.sizes),
+        plan_(PlanFor(memory, sizes_)),
+        own_({call.features, call.signals, call.masks}) {}
   ManifoldRun(const ManifoldRun&) = delete;
   ManifoldRun& operator=(const ManifoldRun&) = delete;
   ~ManifoldRun() {
@@ -31,26 +35,20 @@ class ManifoldRun {
   }
 
   absl::StatusOr<FilteredSites> Run() {
-    UploadFeatures();
     // What is released counts until its work has ended.
     if (absl::Status status = run_.Finish(); !status.ok()) return status;
     GrowTree();
     if (absl::Status status = run_.Finish(); !status.ok()) return status;
-    UploadSignals();
     WeighSites();
     SplatBlurSlice();
     if (absl::Status status = run_.Finish(); !status.ok()) return status;
-    return FilteredSites{blurred_.planes, signals_, blurred_.found};
+    return FilteredSites{blurred_.planes, call_.signals, blurred_.found};
   }
 
  private:
   size_t Features() const { return static_cast<size_t>(sizes_.options.features); }
   size_t Planes() const { return static_cast<size_t>(sizes_.options.planes()); }
-  /// No points where the call has none.
-  const SlicePoints& Points() const {
-    static const SlicePoints none;
-    return call_.points != nullptr ? *call_.points : none;
-  }
+  const SlicePoints& Points() const { return call_.points; }
   size_t Rows() const { return static_cast<size_t>(sizes_.grid.rows); }
   size_t Columns() const { return static_cast<size_t>(sizes_.grid.columns); }
   size_t PixelAt(const std::array<int, 2>& place) const {
@@ -76,15 +74,6 @@ class ManifoldRun {
     own_.push_back(run_.Upload(values));
     return own_.back();
   }
-  /// Writes value(i) for each point i behind the pixels of plane k.
-  template <typename Value>
-  void PutPoints(size_t k, Buffer planes, const Value& value) {
-    std::vector<float> values(Points().pixels.size());
-    for (size_t i = 0; i < values.size(); ++i) values[i] = value(i);
-    run_.Write(planes, (k * sizes_.sites + sizes_.pixels) * sizeof(float), values.data(),
-               values.size() * sizeof(float));
-  }
-
   /// The manifolds, the weights of sites on those of a turn and the sums of all; and what splits clusters.
   struct Tree {
     Buffer eta, weights, total;
@@ -102,9 +91,6 @@ class ManifoldRun {
     Buffer firsts, order;
   };
 
-  void UploadFeatures();
-  void ProjectPatches();
-  void UploadSignals();
   void GrowTree();
   /// `count` manifolds from `first` on, of a level of `level` manifolds.
   void GrowClusters(int32_t level, int32_t first, int32_t count, bool splits);
@@ -118,64 +104,14 @@ class ManifoldRun {
   void SplatBlurSlice();
   void Blur(int32_t count, int32_t first);
 
-  const ManifoldCall& call_;
+  const SiteFiltering& call_;
   KernelRun& run_;
-  DevicePlanes& from_;
-  const ManifoldSizes sizes_;
+  const ManifoldSizes& sizes_;
   const MemoryPlan plan_;
   std::vector<Buffer> own_;
-  Buffer places_ = {}, features_ = {}, masks_ = {}, signals_ = {};
   Tree tree_ = {};
   Blurred blurred_ = {};
 };
-
-void ManifoldRun::ProjectPatches() {
-  const PatchProjection& patches = call_.patches;
-  if (patches.dimensions == 0) return;
-  const Buffer color = Floats(patches.color.size() * sizes_.pixels);
-  for (size_t c = 0; c < patches.color.size(); ++c)
-    from_.Put(patches.color[c], color, c * sizes_.pixels * sizeof(float));
-  if (patches.inverse_knee != 0)
-    run_.Run("Stabilise", patches.color.size() * sizes_.pixels,
-             {Int(patches.color.size() * sizes_.pixels), patches.inverse_knee, patches.shift, color});
-  const Buffer taps = Upload(patches.taps);
-  run_.Run("Project", static_cast<size_t>(patches.dimensions) * sizes_.pixels,
-           {sizes_.grid, Int(patches.color.size()), patches.dimensions, patches.radius, patches.scale, color,
-            taps, features_});
-  for (const Buffer buffer : {color, taps}) run_.Release(buffer);
-}
-
-void ManifoldRun::UploadFeatures() {
-  std::vector<int32_t> places;
-  for (const auto& [x, y] : Points().pixels) places.insert(places.end(), {x, y});
-  places_ = Upload(places);
-  features_ = Floats(Features() * sizes_.sites);
-  ProjectPatches();
-  const auto first = static_cast<size_t>(call_.patches.dimensions);
-  for (size_t k = 0; k < call_.features.size(); ++k)
-    from_.Put(call_.features[k], features_, (first + k) * sizes_.sites * sizeof(float));
-  const size_t own = Points().own_features, shared = Features() - own;
-  run_.Run("ShareFeatures", shared * Points().pixels.size(), {sizes_.grid, Int(shared), places_, features_});
-  for (size_t k = 0; k < own; ++k)
-    PutPoints(shared + k, features_, [&](size_t i) { return Points().features[i * own + k]; });
-}
-
-void ManifoldRun::UploadSignals() {
-  const size_t channels = call_.signals.size();
-  signals_ = Floats(channels * sizes_.sites);
-  for (size_t c = 0; c < channels; ++c) {
-    from_.Put(call_.signals[c], signals_, c * sizes_.sites * sizeof(float));
-    PutPoints(c, signals_,
-              [&](size_t i) { return Points().signals.empty() ? 0.0f : Points().signals[i * channels + c]; });
-  }
-  if (call_.bases.empty()) return;
-  const Buffer base = Floats(sizes_.pixels);
-  for (size_t c = 0; c < channels; ++c) {
-    from_.Put(call_.bases[c], base, 0);
-    run_.Run("Subtract", sizes_.pixels, {sizes_.grid, Int(c), base, signals_});
-  }
-  run_.Release(base);
-}
 
 void ManifoldRun::FindAxes(int32_t count, int32_t first, int32_t cluster) {
   const int32_t row_step = std::max(1, sizes_.grid.rows / kAxisRows);
@@ -194,8 +130,8 @@ void ManifoldRun::FindAxes(int32_t count, int32_t first, int32_t cluster) {
 void ManifoldRun::Weigh(int32_t count, int32_t first, bool stays, int32_t origin, bool splits) {
   run_.Run("Weigh", sizes_.sites,
            {sizes_.grid, count, first, stays ? 1 : 0, origin, splits ? 1 : 0,
-            Int(Features() - Points().own_features), Points().pixel_divisor, places_, features_, tree_.eta,
-            tree_.axes, tree_.members, tree_.labels, tree_.total, tree_.weights, tree_.masses});
+            Int(Features() - Points().own_features), Points().pixel_divisor, call_.places, call_.features,
+            tree_.eta, tree_.axes, tree_.members, tree_.labels, tree_.total, tree_.weights, tree_.masses});
 }
 
 void ManifoldRun::GrowClusters(int32_t level, int32_t first, int32_t count, bool splits) {
@@ -205,7 +141,7 @@ void ManifoldRun::GrowClusters(int32_t level, int32_t first, int32_t count, bool
   const int32_t cluster = first - (level - 1);
   const int32_t parent = level == 1 ? -1 : level / 2 - 1 + cluster / 2;
   run_.Run("ClusterSums", images * sizes_.cells,
-           {sizes_.grid, count, cluster, features_, tree_.labels, tree_.masses, tree_.sums});
+           {sizes_.grid, count, cluster, call_.features, tree_.labels, tree_.masses, tree_.sums});
   run_.Run("EvenRows", planes * Rows(), {sizes_.grid, count, link, tree_.sums, tree_.low});
   run_.Run("EvenColumns", planes * Columns(), {sizes_.grid, count, link, tree_.low});
   run_.Run("Heights", images * sizes_.cells, {sizes_.grid, count, first, parent, tree_.low, tree_.eta});
@@ -216,8 +152,6 @@ void ManifoldRun::GrowTree() {
   const size_t pixel_bytes = sizes_.pixels * sizeof(float);
   const size_t most_clusters = size_t{1} << (sizes_.levels - 1);
   const size_t sums = static_cast<size_t>(plan_.clusters) * sizes_.cells * (Features() + 1);
-  masks_ = Zeros(sizes_.sites);
-  from_.Put(call_.mask, masks_, 0);
   tree_ = {.eta = Floats(static_cast<size_t>(sizes_.manifolds) * sizes_.cells * Features()),
            .weights = Floats(IsWhole() ? static_cast<size_t>(sizes_.manifolds) * sizes_.sites : 0),
            .total = Zeros(sizes_.sites),
@@ -227,7 +161,7 @@ void ManifoldRun::GrowTree() {
            .members = Floats(sizes_.pixels),
            .masses = Floats(sizes_.pixels),
            .labels = Zeros(sizes_.pixels)};
-  for (const Buffer buffer : {tree_.members, tree_.masses}) run_.Copy(masks_, buffer, 0, pixel_bytes);
+  for (const Buffer buffer : {tree_.members, tree_.masses}) run_.Copy(call_.masks, 0, buffer, 0, pixel_bytes);
   for (int32_t level = 1; level <= Int(most_clusters); level *= 2) {
     const int32_t first = level - 1;
     const bool splits = level < Int(most_clusters);
@@ -239,7 +173,7 @@ void ManifoldRun::GrowTree() {
   for (const Buffer buffer : {tree_.sums, tree_.low, tree_.members, tree_.masses, tree_.labels})
     run_.Release(buffer);
   tree_.members = tree_.masses = tree_.labels = tree_.total;  // of kernels that do not read them
-  if (IsWhole()) run_.Release(features_);
+  if (IsWhole()) run_.Release(call_.features);
 }
 
 void ManifoldRun::WeighSites() {
@@ -251,19 +185,21 @@ void ManifoldRun::WeighSites() {
     std::sort(replaced.begin(), replaced.end());
     replaced.erase(std::unique(replaced.begin(), replaced.end()), replaced.end());
     const Buffer pixels = Upload(replaced);
-    run_.Run("Replace", replaced.size(), {Int(replaced.size()), pixels, masks_});
+    run_.Run("Replace", replaced.size(), {Int(replaced.size()), pixels, call_.masks});
     run_.Release(pixels);
-    PutPoints(0, masks_, [&](size_t i) { return Points().weights[i]; });
+    run_.Write(call_.masks, sizes_.pixels * sizeof(float), Points().weights.data(),
+               Points().weights.size() * sizeof(float));
   }
-  if (call_.params.keeps_mass) run_.Run("KeepMass", sizes_.sites, {sizes_.grid, tree_.total, masks_});
+  if (call_.params.keeps_mass) run_.Run("KeepMass", sizes_.sites, {sizes_.grid, tree_.total, call_.masks});
 }
 
 ManifoldRun::PointOrder ManifoldRun::OrderPoints() {
   std::vector<std::vector<int32_t>> by_cell(sizes_.cells);
   std::vector<size_t> by_row(Points().pixels.size());
   std::iota(by_row.begin(), by_row.end(), size_t{0});
-  std::stable_sort(by_row.begin(), by_row.end(),
-                   [&](size_t i, size_t j) { return Points().pixels[i][1] < Points().pixels[j][1]; });
+  std::sort(by_row.begin(), by_row.end(), [&](size_t i, size_t j) {
+    return std::pair(Points().pixels[i][1], i) < std::pair(Points().pixels[j][1], j);
+  });
   for (const size_t i : by_row) {
     const auto [x, y] = Points().pixels[i];
     by_cell[static_cast<size_t>(y / sizes_.options.step) * Columns() +
@@ -292,7 +228,7 @@ void ManifoldRun::SplatBlurSlice() {
   const PointOrder points = OrderPoints();
   const auto most = static_cast<size_t>(plan_.manifolds);
   if (!IsWhole()) tree_.weights = Floats(most * sizes_.sites);
-  const size_t planes = IsWhole() ? call_.signals.size() : Planes();
+  const size_t planes = IsWhole() ? static_cast<size_t>(sizes_.options.channels) : Planes();
   blurred_ = {.psi = Floats(most * sizes_.cells * Planes()),
               .across = Floats(most * sizes_.cells),
               .down = Floats(most * sizes_.cells),
@@ -303,16 +239,88 @@ void ManifoldRun::SplatBlurSlice() {
     const size_t all_cells = static_cast<size_t>(count) * sizes_.cells;
     if (!IsWhole()) Weigh(count, first, /*stays=*/true, /*origin=*/first, /*splits=*/false);
     run_.Run("Splat", all_cells,
-             {sizes_.grid, count, call_.reach, places_, points.firsts, points.order, signals_, masks_,
-              tree_.weights, blurred_.psi});
+             {sizes_.grid, count, call_.reach, call_.places, points.firsts, points.order, call_.signals,
+              call_.masks, tree_.weights, blurred_.psi});
     if (sizes_.options.fits) run_.Run("Moments", all_cells, {sizes_.grid, count, blurred_.psi});
     Blur(count, first);
     run_.Run("Slice", sizes_.sites,
              {sizes_.grid, count, first == 0 ? 1 : 0, first + count == sizes_.manifolds ? 1 : 0, call_.reach,
-              call_.params.slope_ridge, places_, signals_, tree_.weights, blurred_.psi, blurred_.planes,
-              blurred_.found});
+              call_.params.slope_ridge, call_.places, call_.signals, tree_.weights, blurred_.psi,
+              blurred_.planes, blurred_.found});
   }
 }
+
+/// The planes of a call as planes of sites.
+class CallPlanes {
+ public:
+  CallPlanes(const ManifoldCall& call, const ManifoldSizes& sizes, DevicePlanes* from, KernelRun* run)
+      : call_(call), sizes_(sizes), from_(*from), run_(*run) {}
+
+  const SlicePoints& Points() const {
+    static const SlicePoints none;
+    return call_.points != nullptr ? *call_.points : none;
+  }
+
+  SiteFiltering Put() {
+    std::vector<int32_t> places;
+    for (const auto& [x, y] : Points().pixels) places.insert(places.end(), {x, y});
+    const Buffer of_points = run_.Upload(places);
+    const Buffer features = Features(of_points);
+    const size_t channels = call_.signals.size();
+    const Buffer signals = run_.Floats(channels * sizes_.sites);
+    for (size_t c = 0; c < channels; ++c) {
+      from_.Put(call_.signals[c], signals, c * sizes_.sites * sizeof(float));
+      PutPoints(c, signals, [&](size_t i) {
+        return Points().signals.empty() ? 0.0f : Points().signals[i * channels + c];
+      });
+    }
+    const Buffer masks = run_.Floats(sizes_.sites);
+    run_.Run("Clear", sizes_.sites, {Int(sizes_.sites), masks});
+    from_.Put(call_.mask, masks, 0);
+    return {sizes_, call_.params, call_.reach, Points(), of_points, features, signals, masks};
+  }
+
+ private:
+  /// Writes value(i) for each point i behind the pixels of plane k.
+  template <typename Value>
+  void PutPoints(size_t k, Buffer planes, const Value& value) {
+    std::vector<float> values(Points().pixels.size());
+    for (size_t i = 0; i < values.size(); ++i) values[i] = value(i);
+    run_.Write(planes, (k * sizes_.sites + sizes_.pixels) * sizeof(float), values.data(),
+               values.size() * sizeof(float));
+  }
+
+  void Project(Buffer features) {
+    const PatchProjection& patches = call_.patches;
+    if (patches.dimensions == 0) return;
+    const Buffer color = run_.Floats(patches.color.size() * sizes_.pixels);
+    for (size_t c = 0; c < patches.color.size(); ++c)
+      from_.Put(patches.color[c], color, c * sizes_.pixels * sizeof(float));
+    filter::ProjectPatches(
+        sizes_.grid, {patches.color.size(), patches.dimensions, patches.radius, patches.scale, patches.taps},
+        color, features, &run_);
+    run_.Release(color);
+  }
+
+  Buffer Features(Buffer places) {
+    const size_t count = call_.FeatureCount();
+    const Buffer features = run_.Floats(count * sizes_.sites);
+    Project(features);
+    const auto first = static_cast<size_t>(call_.patches.dimensions);
+    for (size_t k = 0; k < call_.features.size(); ++k)
+      from_.Put(call_.features[k], features, (first + k) * sizes_.sites * sizeof(float));
+    const size_t own = Points().own_features, shared = count - own;
+    run_.Run("ShareFeatures", shared * Points().pixels.size(), {sizes_.grid, Int(shared), places, features});
+    for (size_t k = 0; k < own; ++k)
+      PutPoints(shared + k, features, [&](size_t i) { return Points().features[i * own + k]; });
+    return features;
+  }
+
+  const ManifoldCall& call_;
+  const ManifoldSizes& sizes_;
+  DevicePlanes& from_;
+  KernelRun& run_;
+};
 
 absl::StatusOr<ManifoldResult> ResultOf(const ManifoldCall& call, const FilteredSites& sites,
                                         KernelRun* run) {
@@ -326,11 +334,54 @@ absl::StatusOr<ManifoldResult> ResultOf(const ManifoldCall& call, const Filtered
   return result;
 }
 
+/// How calls use the device's memory.
+struct CallsPlan {
+  bool planes_stay = false;
+  DeviceMemory of_calls;  // what is left to each
+  DeviceMemory taken = {0, 0};
+};
+
+CallsPlan PlanOf(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory) {
+  const ManifoldSizes first(calls.front());
+  const uint64_t shared = SharedPlanes(calls) * first.pixels * sizeof(float);
+  DeviceMemory all = {0, 0};  // where no manifold waits for another
+  for (const ManifoldCall& call : calls) {
+    const ManifoldSizes sizes(call);
+    Extend(NeedOf({1 << (sizes.levels - 1), sizes.manifolds}, sizes), &all);
+  }
+  CallsPlan plan = {.of_calls = memory};
+  plan.planes_stay = memory.Holds({all.whole + shared, all.largest});
+  if (plan.planes_stay) plan.of_calls.whole -= shared;
+  for (const ManifoldCall& call : calls) {
+    const ManifoldSizes sizes(call);
+    Extend(NeedOf(PlanFor(plan.of_calls, sizes), sizes), &plan.taken);
+  }
+  if (plan.planes_stay) plan.taken.whole += shared;
+  return plan;
+}
+
+}  // namespace
+
 void Extend(const DeviceMemory& need, DeviceMemory* all) {
   *all = {std::max(all->whole, need.whole), std::max(all->largest, need.largest)};
 }
 
-}  // namespace
+void ProjectPatches(const Grid& grid, const ProjectedPatches& patches, Buffer color, Buffer features,
+                    KernelRun* run) {
+  const auto pixels = static_cast<size_t>(grid.width) * static_cast<size_t>(grid.height);
+  const Buffer taps = run->Upload(patches.taps);
+  run->Run("Project", static_cast<size_t>(patches.dimensions) * pixels,
+           {grid, Int(patches.channels), patches.dimensions, patches.radius, patches.scale, color, taps,
+            features});
+  run->Release(taps);
+}
+
+absl::Status RunFiltering(const SiteFiltering& filtering, const DeviceMemory& memory, KernelRun* run,
+                          absl::FunctionRef<absl::Status(const FilteredSites&)> use) {
+  ManifoldRun of_call(filtering, memory, run);
+  const absl::StatusOr<FilteredSites> sites = of_call.Run();
+  return sites.ok() ? use(*sites) : sites.status();
+}
 
 absl::StatusOr<ManifoldResult> ReadSites(const SiteCounts& counts, Buffer from, size_t first,
                                          KernelRun* run) {
@@ -351,27 +402,6 @@ absl::StatusOr<ManifoldResult> ReadSites(const SiteCounts& counts, Buffer from, 
   return result;
 }
 
-CallsPlan PlanOf(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory,
-                 const DeviceMemory& after) {
-  const ManifoldSizes first(calls.front());
-  const uint64_t shared = SharedPlanes(calls) * first.pixels * sizeof(float);
-  DeviceMemory all = after;  // where no manifold waits for another
-  for (const ManifoldCall& call : calls) {
-    const ManifoldSizes sizes(call);
-    Extend(NeedOf({1 << (sizes.levels - 1), sizes.manifolds}, sizes), &all);
-  }
-  CallsPlan plan = {.of_calls = memory};
-  plan.planes_stay = memory.Holds({all.whole + shared, all.largest});
-  if (plan.planes_stay) plan.of_calls.whole -= shared;
-  Extend(after, &plan.taken);
-  for (const ManifoldCall& call : calls) {
-    const ManifoldSizes sizes(call);
-    Extend(NeedOf(PlanFor(plan.of_calls, sizes), sizes), &plan.taken);
-  }
-  if (plan.planes_stay) plan.taken.whole += shared;
-  return plan;
-}
-
 KernelOptions KernelsOf(const ManifoldCall& call) {
   return {static_cast<int>(call.FeatureCount()), static_cast<int>(call.signals.size()),
           call.params.is_first_order, CellOf(call.params)};
@@ -387,34 +417,27 @@ DeviceMemory LeastMemory(absl::Span<const ManifoldCall> calls) {
 }
 
 DeviceMemory TakenMemory(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory) {
-  return PlanOf(calls, memory, {0, 0}).taken;
-}
-
-absl::Status RunEach(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory, DevicePlanes* planes,
-                     KernelRun* run, absl::FunctionRef<absl::Status(size_t, const FilteredSites&)> use) {
-  for (size_t i = 0; i < calls.size(); ++i) {
-    run->Use(KernelsOf(calls[i]));
-    ManifoldRun of_call(calls[i], memory, planes, run);
-    const absl::StatusOr<FilteredSites> sites = of_call.Run();
-    if (!sites.ok()) return sites.status();
-    if (absl::Status status = use(i, *sites); !status.ok()) return status;
-  }
-  return absl::OkStatus();
+  return PlanOf(calls, memory).taken;
 }
 
 absl::StatusOr<std::vector<ManifoldResult>> RunManifolds(absl::Span<const ManifoldCall> calls,
                                                          const DeviceMemory& memory, KernelRun* run) {
-  const CallsPlan plan = PlanOf(calls, memory, {0, 0});
+  const CallsPlan plan = PlanOf(calls, memory);
   DevicePlanes planes(calls, plan.planes_stay, run);
   std::vector<ManifoldResult> results;
-  absl::Status status =
-      RunEach(calls, plan.of_calls, &planes, run, [&](size_t i, const FilteredSites& sites) {
-        absl::StatusOr<ManifoldResult> result = ResultOf(calls[i], sites, run);
-        if (!result.ok()) return result.status();
-        results.push_back(*std::move(result));
-        return absl::OkStatus();
-      });
-  if (!status.ok()) return status;
+  for (const ManifoldCall& call : calls) {
+    run->Use(KernelsOf(call));
+    const ManifoldSizes sizes(call);
+    const SiteFiltering filtering = CallPlanes(call, sizes, &planes, run).Put();
+    absl::Status status = RunFiltering(filtering, plan.of_calls, run, [&](const FilteredSites& sites) {
+      absl::StatusOr<ManifoldResult> result = ResultOf(call, sites, run);
+      if (!result.ok()) return result.status();
+      results.push_back(*std::move(result));
+      return absl::OkStatus();
+    });
+    if (!status.ok()) return status;
+    run->Release(filtering.places);
+  }
   return results;
 }
 

@@ -10,6 +10,7 @@
 #include "filter/manifold/filter_device.h"
 #include "filter/opencl/device_planes.h"
 #include "filter/opencl/kernel_run.h"
+#include "filter/opencl/memory_plan.h"
 
 namespace lumifold::filter {
 
@@ -21,20 +22,39 @@ DeviceMemory LeastMemory(absl::Span<const ManifoldCall> calls);
 /// What RunManifolds takes of so much memory.
 DeviceMemory TakenMemory(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory);
 
-/// How calls use the device's memory.
-struct CallsPlan {
-  bool planes_stay = false;
-  DeviceMemory of_calls;  // what is left to each
-  DeviceMemory taken = {0, 0};
-};
-/// `after`: what is there with the planes of the calls once these are done.
-CallsPlan PlanOf(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory, const DeviceMemory& after);
+/// Extends `all` to what either needs.
+void Extend(const DeviceMemory& need, DeviceMemory* all);
 
-/// What a call leaves on the device: planes of sites of the result and of the signals, and what each point
-/// found.
+/// A filtering whose planes of sites are on the device. Masks of points are 0.
+struct SiteFiltering {
+  const ManifoldSizes& sizes;
+  const ManifoldParams& params;
+  float reach;
+  const SlicePoints& points;
+  KernelRun::Buffer places;                    // x, y of each point
+  KernelRun::Buffer features, signals, masks;  // released at the end, or before
+};
+
+/// What a filtering leaves on the device: planes of sites of the result, and what each point found.
 struct FilteredSites {
   KernelRun::Buffer planes, signals, found;
 };
+
+/// The program of the filtering runs; `use` gets its result, which stays until `use` returns. Errors: those
+/// of the run and of `use`.
+absl::Status RunFiltering(const SiteFiltering& filtering, const DeviceMemory& memory, KernelRun* run,
+                          absl::FunctionRef<absl::Status(const FilteredSites&)> use);
+
+/// The features of sites that are coordinates of patches: the first `dimensions` planes of `features`. The
+/// program is that of a filtering. `color`: planes of pixels.
+struct ProjectedPatches {
+  size_t channels;
+  int dimensions, radius;
+  float scale;
+  absl::Span<const float> taps;
+};
+void ProjectPatches(const Grid& grid, const ProjectedPatches& patches, KernelRun::Buffer color,
+                    KernelRun::Buffer features, KernelRun* run);
 
 /// A picture as planes of sites.
 struct SiteCounts {
@@ -44,11 +64,6 @@ struct SiteCounts {
 /// `planes` of them from plane `first` of the buffer on; without weights of points. Errors: those of the run.
 absl::StatusOr<ManifoldResult> ReadSites(const SiteCounts& counts, KernelRun::Buffer from, size_t first,
                                          KernelRun* run);
-
-/// Runs the calls one after another; `use` gets the number of each and its result, which stays until `use`
-/// returns. `memory`: of each call. Errors: those of the run and of `use`.
-absl::Status RunEach(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory, DevicePlanes* planes,
-                     KernelRun* run, absl::FunctionRef<absl::Status(size_t, const FilteredSites&)> use);
 
 /// FilterDevice::Filter by the kernels of manifold.cl, made for the calls. Manifolds take turns as the
 /// memory of the device asks for, and planes of several calls stay there if it has room; the bits are the

@@ -7,18 +7,22 @@
 #include "filter/opencl/manifold_run.h"
 
 namespace lumifold::filter {
-ManifoldSizes::ManifoldSizes(const ManifoldCall& call)
-    : options(KernelsOf(call)),
-      levels(call.params.height),
-      manifolds((int32_t{1} << call.params.height) - 1) {
-  const Lattice lattice(call.mask.width(), call.mask.height(), options.step);
-  grid = {lattice.width, lattice.height, lattice.Columns(), lattice.Rows(),
-          call.points != nullptr ? static_cast<int32_t>(call.points->pixels.size()) : 0};
+
+ManifoldSizes::ManifoldSizes(const KernelOptions& kernels, const ManifoldParams& params, int width,
+                             int height, size_t points, size_t taps)
+    : options(kernels), levels(params.height), manifolds((int32_t{1} << params.height) - 1) {
+  const Lattice lattice(width, height, options.step);
+  grid = {lattice.width, lattice.height, lattice.Columns(), lattice.Rows(), static_cast<int32_t>(points)};
   pixels = static_cast<uint64_t>(grid.width) * static_cast<uint64_t>(grid.height);
-  sites = pixels + static_cast<uint64_t>(grid.points);
+  sites = pixels + points;
   cells = static_cast<uint64_t>(grid.columns) * static_cast<uint64_t>(grid.rows);
+  if (taps > 0) patches = 3 * pixels + taps;
+}
+
+ManifoldSizes::ManifoldSizes(const ManifoldCall& call)
+    : ManifoldSizes(KernelsOf(call), call.params, call.mask.width(), call.mask.height(),
+                    call.points != nullptr ? call.points->pixels.size() : 0, 0) {
   if (call.patches.dimensions > 0) patches = call.patches.color.size() * pixels + call.patches.taps.size();
-  if (!call.bases.empty()) base = pixels;
 }
 
 DeviceMemory NeedOf(const MemoryPlan& plan, const ManifoldSizes& sizes) {
@@ -35,13 +39,15 @@ DeviceMemory NeedOf(const MemoryPlan& plan, const ManifoldSizes& sizes) {
   // Entries of covariances, each a double, of at most twice kAxisRows rows.
   const uint64_t covariances = 2 * clusters * (features * (features + 1) / 2 + 1) * (2 * kAxisRows + 1);
   const uint64_t axes = features << (sizes.levels - 1);
-  const DeviceMemory projection = Together({all_features, 2 * points, sizes.patches});
-  const DeviceMemory tree = Together({all_features, 2 * points, sizes.sites, eta, is_whole ? weights : 0,
-                                      sums, sums, sizes.sites, 3 * sizes.pixels, covariances, axes});
-  const DeviceMemory rest = Together(
-      {is_whole ? 0 : all_features, 4 * points, sizes.sites, eta, weights, channels * sizes.sites,
-       sizes.sites, manifolds * sizes.cells * planes, manifolds * sizes.cells, manifolds * sizes.cells,
-       (is_whole ? channels : planes) * sizes.sites, axes, sizes.cells + 1, points, sizes.base});
+  const uint64_t signals = channels * sizes.sites;
+  const DeviceMemory projection = Together({all_features, signals, 2 * points, sizes.sites, sizes.patches});
+  const DeviceMemory tree =
+      Together({all_features, signals, 2 * points, sizes.sites, eta, is_whole ? weights : 0, sums, sums,
+                sizes.sites, 3 * sizes.pixels, covariances, axes});
+  const DeviceMemory rest =
+      Together({is_whole ? 0 : all_features, 4 * points, sizes.sites, eta, weights, signals, sizes.sites,
+                manifolds * sizes.cells * planes, manifolds * sizes.cells, manifolds * sizes.cells,
+                (is_whole ? channels : planes) * sizes.sites, axes, sizes.cells + 1, points});
   return {std::max({projection.whole, tree.whole, rest.whole}),
           std::max({projection.largest, tree.largest, rest.largest})};
 }

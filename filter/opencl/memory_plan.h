@@ -10,12 +10,14 @@ namespace lumifold::filter {
 /// The sizes of one filtering by manifolds.
 struct ManifoldSizes {
   explicit ManifoldSizes(const ManifoldCall& call);
+  /// With patches of three channels that have `taps` in all.
+  ManifoldSizes(const KernelOptions& kernels, const ManifoldParams& params, int width, int height,
+                size_t points, size_t taps);
 
   KernelOptions options;
   Grid grid = {};
   uint64_t pixels = 0, sites = 0, cells = 0;
   uint64_t patches = 0;  // floats that their projection takes
-  uint64_t base = 0;     // and what is subtracted from a signal
   int32_t levels = 0, manifolds = 0;
 };
 

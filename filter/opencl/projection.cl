@@ -1,17 +1,5 @@
 // ProjectPatches (filter/manifold/nlm_space.h), for a device and as C++. Follows manifold.cl in one program.
 
-// StabiliseRow of filter/kernels/row_kernels.h.
-__kernel void Stabilise(int count, float inverse_knee, float shift, __global float* values) {
-  const size_t item = get_global_id(0);
-  if (item < (size_t)count) values[item] = Asinh(values[item] * inverse_knee) - shift;
-}
-
-// Subtracts a plane from the pixels of a plane of sites.
-__kernel void Subtract(Grid grid, int plane, __global const float* from, __global float* planes) {
-  const size_t item = get_global_id(0);
-  if (item < PixelsOf(grid)) planes[plane * SitesOf(grid) + item] -= from[item];
-}
-
 // Coordinates along the axes of a basis: plane k of the result is the correlation of the picture's patches with the taps of axis
 // k, channel after channel and row after row, added in groups of three taps, times `scale`. Edges are clamped. A work-item a value.
 __kernel void Project(Grid grid, int channels, int dimensions, int radius, float scale, __global const float* color,

@@ -20,37 +20,19 @@ using filter::SlicePoints;
 
 // Far above what our methods ask for; see message_parts.h.
 constexpr uint32_t kMostCalls = 16;
-constexpr uint32_t kMostKept = 256;
-constexpr uint64_t kMostKeptFloats = uint64_t{1} << 27;
-constexpr uint32_t kIsThere = uint32_t{1} << 31;  // beside the number of a plane
-constexpr uint32_t kNone = UINT32_MAX;            // in place of the number of a plane
-constexpr uint32_t kMostPoints = 1U << 27;
-constexpr float kMostReach = 1 << 16;
 
-// Without padding: no byte of this process's memory goes with them. What all calls have in common:
-struct ParamsHeader {
-  float sigma_s, slope_ridge, reach;
-  int32_t levels, pca_iterations, cell;
-  uint32_t keeps_mass, is_first_order;
-};
+// Without padding, as message_parts.h says. What all calls have in common:
 struct PatchesHeader {
   int32_t radius, dimensions;
-  float inverse_knee, shift;
 };
 struct Header {
   int32_t width, height;
   uint32_t planes, calls;  // planes that differ
-  uint32_t forgotten;      // planes
-  uint32_t others;         // beside those of the calls; some may be empty
   uint32_t points;         // that differ
-  uint32_t signals, bases, colors, features;
+  uint32_t signals, colors, features;
   PatchesHeader patches;
+  float reach;
   ParamsHeader params;
-};
-struct PointsHeader {
-  uint32_t count, own_features, has_signals;
-  uint32_t is_placed;  // as the first points of the message: they have the same pixels and features
-  float pixel_divisor;
 };
 struct PartHeader {
   float scale;
@@ -58,13 +40,7 @@ struct PartHeader {
 };
 
 /// Planes of one call.
-uint32_t PlanesOf(const Header& header) {
-  return header.signals + header.bases + header.colors + header.features + 1;
-}
-
-uint64_t FloatsOf(const ConstFloatView& plane) {
-  return static_cast<uint64_t>(plane.width()) * static_cast<uint64_t>(plane.height());
-}
+uint32_t PlanesOf(const Header& header) { return header.signals + header.colors + header.features + 1; }
 
 bool HasValidPatches(const Header& header) {
   if (header.patches.dimensions == 0) return header.colors <= kMostPlanes && header.features >= 1;
@@ -73,34 +49,17 @@ bool HasValidPatches(const Header& header) {
          IsCount(header.colors) && header.patches.radius >= 0 && header.patches.radius <= kMostRadius;
 }
 
-bool IsValid(const ParamsHeader& params) {
-  if (params.levels < 1 || params.levels > 8) return false;
-  if (params.pca_iterations < 1 || params.pca_iterations > 1000) return false;
-  if (params.cell < 0 || params.cell > kBandRows || (params.cell & (params.cell - 1)) != 0) return false;
-  return IsPositive(params.sigma_s, kMostReach) && IsPositive(params.reach, kMostReach) &&
-         std::isfinite(params.slope_ridge);
-}
-
 bool IsValid(const Header& header) {
   if (!IsSize(header.width, header.height) || !IsCount(header.signals) || header.features > kMostPlanes)
     return false;
-  if (header.calls < 1 || header.calls > kMostCalls || header.forgotten > kMostKept) return false;
-  if (header.others > kMostPlanes) return false;
-  if (header.points > header.calls) return false;
-  if (header.bases != 0 && header.bases != header.signals) return false;
-  if (!std::isfinite(header.patches.inverse_knee) || !std::isfinite(header.patches.shift)) return false;
-  if (!HasValidPatches(header) || header.planes > header.calls * PlanesOf(header) + header.others)
-    return false;
-  return IsValid(header.params) && (header.params.is_first_order == 0 || header.signals == 3);
+  if (header.calls < 1 || header.calls > kMostCalls || header.points > header.calls) return false;
+  if (!HasValidPatches(header) || header.planes > header.calls * PlanesOf(header)) return false;
+  return IsReach(header.reach) && IsValid(header.params) &&
+         (header.params.is_first_order == 0 || header.signals == 3);
 }
 
 bool IsValid(const PartHeader& part, const Header& header) {
   return std::isfinite(part.scale) && part.points <= header.points;
-}
-
-bool IsValid(const PointsHeader& part, const Header& header) {
-  return part.own_features <= static_cast<uint32_t>(header.patches.dimensions) + header.features &&
-         part.count <= kMostPoints / kMostPlanes && std::isfinite(part.pixel_divisor);
 }
 
 size_t TapsOf(const Header& header) {
@@ -112,7 +71,6 @@ size_t TapsOf(const Header& header) {
 /// All planes of a call, in the order of ReceivedCalls::Part::planes.
 filter::PlaneViews PlanesOf(const ManifoldCall& call) {
   filter::PlaneViews planes = call.signals;
-  planes.insert(planes.end(), call.bases.begin(), call.bases.end());
   planes.insert(planes.end(), call.patches.color.begin(), call.patches.color.end());
   planes.insert(planes.end(), call.features.begin(), call.features.end());
   planes.push_back(call.mask);
@@ -121,13 +79,10 @@ filter::PlaneViews PlanesOf(const ManifoldCall& call) {
 
 /// The planes of calls, each once, and their numbers; the first pixel tells a plane from others. And points.
 struct CallTable {
-  explicit CallTable(absl::Span<const ManifoldCall> calls, const filter::PlaneViews& others = {}) {
+  explicit CallTable(absl::Span<const ManifoldCall> calls) {
     const auto add = [&](const ConstFloatView& plane) {
       if (numbers.emplace(plane.Row(0), static_cast<uint32_t>(planes.size())).second) planes.push_back(plane);
     };
-    for (const ConstFloatView& plane : others) {
-      if (!plane.IsEmpty()) add(plane);
-    }
     for (const ManifoldCall& call : calls) {
       for (const ConstFloatView& plane : PlanesOf(call)) add(plane);
       if (call.points != nullptr && std::find(points.begin(), points.end(), call.points) == points.end())
@@ -142,30 +97,22 @@ struct CallTable {
 
 Header HeaderOf(absl::Span<const ManifoldCall> calls, const CallTable& table) {
   const ManifoldCall& call = calls.front();
-  const filter::ManifoldParams& params = call.params;
   return {.width = call.mask.width(),
           .height = call.mask.height(),
           .planes = static_cast<uint32_t>(table.planes.size()),
           .calls = static_cast<uint32_t>(calls.size()),
-          .forgotten = 0,
-          .others = 0,
           .points = static_cast<uint32_t>(table.points.size()),
           .signals = static_cast<uint32_t>(call.signals.size()),
-          .bases = static_cast<uint32_t>(call.bases.size()),
           .colors = static_cast<uint32_t>(call.patches.color.size()),
           .features = static_cast<uint32_t>(call.features.size()),
-          .patches = {.radius = call.patches.radius,
-                      .dimensions = call.patches.dimensions,
-                      .inverse_knee = call.patches.inverse_knee,
-                      .shift = call.patches.shift},
-          .params = {.sigma_s = params.sigma_s,
-                     .slope_ridge = params.slope_ridge,
-                     .reach = call.reach,
-                     .levels = params.height,
-                     .pca_iterations = params.pca_iterations,
-                     .cell = params.cell,
-                     .keeps_mass = params.keeps_mass ? 1U : 0U,
-                     .is_first_order = params.is_first_order ? 1U : 0U}};
+          .patches = {.radius = call.patches.radius, .dimensions = call.patches.dimensions},
+          .reach = call.reach,
+          .params = ParamsHeaderOf(call.params)};
+}
+
+PointLimits LimitsOf(const Header& header) {
+  return {header.width, header.height, static_cast<uint32_t>(header.patches.dimensions) + header.features,
+          header.signals};
 }
 
 PartHeader PartOf(const ManifoldCall& call, const CallTable& table) {
@@ -174,54 +121,11 @@ PartHeader PartOf(const ManifoldCall& call, const CallTable& table) {
           call.points == nullptr ? 0 : static_cast<uint32_t>(found - table.points.begin()) + 1};
 }
 
-PointsHeader HeaderOf(const SlicePoints& points, const SlicePoints& first) {
-  const bool is_placed = &points != &first && points.own_features == first.own_features &&
-                         points.pixels == first.pixels && points.features == first.features;
-  return {static_cast<uint32_t>(points.pixels.size()), static_cast<uint32_t>(points.own_features),
-          points.signals.empty() ? 0U : 1U, is_placed ? 1U : 0U, points.pixel_divisor};
-}
-
-bool SendPoints(const SlicePoints& points, const SlicePoints& first, SocketStream* to) {
-  const PointsHeader header = HeaderOf(points, first);
-  if (!to->Write(&header, sizeof(header))) return false;
-  if (header.is_placed == 0 && !(SendList(points.pixels, to) && SendList(points.features, to))) return false;
-  return header.has_signals == 0 || (SendList(points.signals, to) && SendList(points.weights, to));
-}
-
 bool SendPart(const ManifoldCall& call, const CallTable& table, SocketStream* to) {
   const PartHeader part = PartOf(call, table);
   std::vector<uint32_t> numbers;
   for (const ConstFloatView& plane : PlanesOf(call)) numbers.push_back(table.numbers.at(plane.Row(0)));
   return to->Write(&part, sizeof(part)) && SendList(numbers, to) && SendList(call.patches.taps, to);
-}
-
-bool ReceivePlaces(const Header& header, size_t count, SocketStream* from, SlicePoints* points) {
-  if (!ReceiveList(count, from, &points->pixels)) return false;
-  for (const auto& [x, y] : points->pixels) {
-    if (x < 0 || x >= header.width || y < 0 || y >= header.height) return false;
-  }
-  return ReceiveList(count * points->own_features, from, &points->features);
-}
-
-bool ReceivePoints(const Header& header, SocketStream* from, std::vector<SlicePoints>* all) {
-  PointsHeader head = {};
-  if (!from->Read(&head, sizeof(head)) || !IsValid(head, header)) return false;
-  SlicePoints points;
-  if (head.is_placed != 0) {
-    if (all->empty() || all->front().pixels.size() != head.count ||
-        all->front().own_features != head.own_features)
-      return false;
-    points.pixels = all->front().pixels;
-    points.features = all->front().features;
-  }
-  points.own_features = head.own_features;
-  points.pixel_divisor = head.pixel_divisor;
-  if (head.is_placed == 0 && !ReceivePlaces(header, head.count, from, &points)) return false;
-  if (head.has_signals != 0 && !(ReceiveList(size_t{head.count} * header.signals, from, &points.signals) &&
-                                 ReceiveList(head.count, from, &points.weights)))
-    return false;
-  all->push_back(std::move(points));
-  return true;
 }
 
 bool ReceivePart(const Header& header, SocketStream* from, ReceivedCalls::Part* part) {
@@ -237,48 +141,9 @@ bool ReceivePart(const Header& header, SocketStream* from, ReceivedCalls::Part* 
   return true;
 }
 
-/// A plane of calls, and its view: kept, to be kept, or theirs alone.
-bool ReceivePlane(const Header& header, uint32_t word, KeptPlanesOfCaller* kept, SocketStream* from,
-                  ReceivedCalls* calls) {
-  const uint32_t number = word & ~kIsThere;
-  const auto found = kept->find(number);
-  if ((word & kIsThere) != 0) {
-    if (found == kept->end()) return false;
-    calls->views.push_back(found->second.view());
-    return found->second.width() == header.width && found->second.height() == header.height;
-  }
-  Plane plane = Plane::Uninitialized(header.width, header.height);
-  if (!from->ReadRows(plane.view())) return false;
-  if (number == 0) {
-    calls->views.push_back(calls->planes.emplace_back(std::move(plane)).view());
-    return true;
-  }
-  uint64_t floats = FloatsOf(plane.view());
-  for (const auto& [_, other] : *kept) floats += FloatsOf(other.view());
-  if (found != kept->end() || kept->size() >= kMostKept || floats > kMostKeptFloats) return false;
-  calls->views.push_back(kept->emplace(number, std::move(plane)).first->second.view());
-  return true;
-}
-
-bool ReceivePlanes(const Header& header, KeptPlanesOfCaller* kept, SocketStream* from, ReceivedCalls* calls) {
-  std::vector<uint32_t> forgotten, words, others;
-  if (!ReceiveList(header.forgotten, from, &forgotten) || !ReceiveList(header.planes, from, &words) ||
-      !ReceiveList(header.others, from, &others))
-    return false;
-  for (const uint32_t number : forgotten) kept->erase(number);
-  if (!std::all_of(words.begin(), words.end(),
-                   [&](uint32_t word) { return ReceivePlane(header, word, kept, from, calls); }))
-    return false;
-  for (const uint32_t number : others) {
-    if (number != kNone && number >= header.planes) return false;
-    calls->others.push_back(number == kNone ? ConstFloatView{} : calls->views[number]);
-  }
-  return true;
-}
-
 bool ReceiveResult(const ManifoldCall& call, SocketStream* from, ManifoldResult* result) {
-  result->filtered = MakeUninitializedPlanes(call.signals.size(), call.mask.width(), call.mask.height());
-  if (!ReceivePlanes(from, &result->filtered)) return false;
+  const PlaneCount planes = {call.signals.size(), call.mask.width(), call.mask.height()};
+  if (!ReceivePlanes(planes, from, &result->filtered)) return false;
   if (call.points == nullptr) return true;
   const size_t count = call.points->pixels.size();
   return ReceiveList(count * call.signals.size(), from, &result->points.values) &&
@@ -292,17 +157,15 @@ std::vector<ManifoldCall> ReceivedCalls::View() const {
   for (const Part& part : parts) {
     const auto views_of = [&](size_t first, size_t end) {
       filter::PlaneViews found;
-      for (size_t i = first; i < end; ++i) found.push_back(views[part.planes[i]]);
+      for (size_t i = first; i < end; ++i) found.push_back(planes[part.planes[i]].view());
       return found;
     };
     const size_t mask = part.planes.size() - 1;
-    const size_t patches = signals + bases;
+    const size_t patches = signals + colors;
     calls.push_back({views_of(0, signals),
-                     views_of(signals, patches),
-                     {views_of(patches, patches + colors), radius, dimensions, part.taps, part.scale,
-                      inverse_knee, shift},
-                     views_of(patches + colors, mask),
-                     views[part.planes[mask]],
+                     {views_of(signals, patches), radius, dimensions, part.taps, part.scale},
+                     views_of(patches, mask),
+                     planes[part.planes[mask]].view(),
                      params,
                      reach,
                      part.points > 0 ? &points[part.points - 1] : nullptr});
@@ -316,100 +179,34 @@ bool CanSend(absl::Span<const ManifoldCall> calls) {
   const Header header = HeaderOf(calls, table);
   return IsValid(header) && std::all_of(calls.begin(), calls.end(), [&](const ManifoldCall& call) {
            return IsValid(PartOf(call, table), header) && TapsOf(header) == call.patches.taps.size() &&
-                  (call.points == nullptr || IsValid(HeaderOf(*call.points, *call.points), header));
+                  (call.points == nullptr || CanSend(*call.points, LimitsOf(header)));
          });
 }
 
-void SentPlanes::Keep(absl::Span<const ConstFloatView> planes) {
-  for (const ConstFloatView& plane : planes) {
-    const uint64_t floats = FloatsOf(plane);
-    if (floats == 0 || kept_.size() + forgotten_.size() >= kMostKept || floats_ + floats > kMostKeptFloats)
-      continue;
-    if (kept_.emplace(plane.Row(0), Kept{last_ % (kIsThere - 1) + 1, floats, false}).second) {
-      ++last_;
-      floats_ += floats;
-    }
-  }
-}
-
-void SentPlanes::Forget(absl::Span<const ConstFloatView> planes) {
-  for (const ConstFloatView& plane : planes) {
-    const auto found = FloatsOf(plane) > 0 ? kept_.find(plane.Row(0)) : kept_.end();
-    if (found == kept_.end()) continue;
-    if (found->second.is_there) forgotten_.push_back(found->second.number);
-    floats_ -= found->second.floats;
-    kept_.erase(found);
-  }
-}
-
-uint32_t SentPlanes::NumberOf(const ConstFloatView& plane, bool* is_there) const {
-  const auto found = kept_.find(plane.Row(0));
-  *is_there = found != kept_.end() && found->second.is_there;
-  return found != kept_.end() ? found->second.number : 0;
-}
-
-void SentPlanes::SetSent(absl::Span<const ConstFloatView> planes) {
-  for (const ConstFloatView& plane : planes) {
-    if (const auto found = kept_.find(plane.Row(0)); found != kept_.end()) found->second.is_there = true;
-  }
-}
-
-bool SendCalls(absl::Span<const ManifoldCall> calls, SentPlanes* kept, SocketStream* to) {
-  return SendOperation(Operation::kFilter, to) && SendCallsAnd({}, calls, kept, to);
-}
-
-bool SendCallsAnd(const filter::PlaneViews& others, absl::Span<const ManifoldCall> calls, SentPlanes* kept,
-                  SocketStream* to) {
-  const CallTable table(calls, others);
-  Header header = HeaderOf(calls, table);
-  header.others = static_cast<uint32_t>(others.size());
-  std::vector<uint32_t> numbers;
-  for (const ConstFloatView& plane : others)
-    numbers.push_back(plane.IsEmpty() ? kNone : table.numbers.at(plane.Row(0)));
-  const std::vector<uint32_t> forgotten = kept->TakeForgotten();
-  header.forgotten = static_cast<uint32_t>(forgotten.size());
-  std::vector<uint32_t> words;
-  filter::PlaneViews sent;
-  for (const ConstFloatView& plane : table.planes) {
-    bool is_there = false;
-    words.push_back(kept->NumberOf(plane, &is_there));
-    if (is_there)
-      words.back() |= kIsThere;
-    else
-      sent.push_back(plane);
-  }
-  bool works = to->Write(&header, sizeof(header)) && SendList(forgotten, to) && SendList(words, to) &&
-               SendList(numbers, to);
-  for (const ConstFloatView& plane : sent) works = works && to->WriteRows(plane);
-  kept->SetSent(sent);
+bool SendCalls(absl::Span<const ManifoldCall> calls, SocketStream* to) {
+  const CallTable table(calls);
+  const Header header = HeaderOf(calls, table);
+  bool works = SendOperation(Operation::kFilter, to) && to->Write(&header, sizeof(header)) &&
+               SendPlanes(table.planes, to);
   for (const SlicePoints* points : table.points) works = works && SendPoints(*points, *table.points[0], to);
   for (const ManifoldCall& call : calls) works = works && SendPart(call, table, to);
   return works;
 }
 
-std::optional<ReceivedCalls> ReceiveCalls(KeptPlanesOfCaller* kept, SocketStream* from) {
+std::optional<ReceivedCalls> ReceiveCalls(SocketStream* from) {
   Header header = {};
   if (!from->Read(&header, sizeof(header)) || !IsValid(header)) return std::nullopt;
   ReceivedCalls calls;
-  if (!ReceivePlanes(header, kept, from, &calls)) return std::nullopt;
-  const ParamsHeader& params = header.params;
-  calls.params = {.sigma_s = params.sigma_s,
-                  .height = params.levels,
-                  .pca_iterations = params.pca_iterations,
-                  .cell = params.cell,
-                  .keeps_mass = params.keeps_mass != 0,
-                  .is_first_order = params.is_first_order != 0,
-                  .slope_ridge = params.slope_ridge};
-  calls.reach = params.reach;
+  if (!ReceivePlanes({header.planes, header.width, header.height}, from, &calls.planes)) return std::nullopt;
+  calls.params = ParamsOf(header.params);
+  calls.reach = header.reach;
   calls.signals = header.signals;
-  calls.bases = header.bases;
   calls.colors = header.colors;
   calls.radius = header.patches.radius;
   calls.dimensions = header.patches.dimensions;
-  calls.inverse_knee = header.patches.inverse_knee;
-  calls.shift = header.patches.shift;
   bool works = true;
-  for (uint32_t i = 0; i < header.points; ++i) works = works && ReceivePoints(header, from, &calls.points);
+  for (uint32_t i = 0; i < header.points; ++i)
+    works = works && ReceivePoints(LimitsOf(header), from, &calls.points);
   calls.parts.resize(header.calls);
   for (ReceivedCalls::Part& part : calls.parts) works = works && ReceivePart(header, from, &part);
   if (!works) return std::nullopt;
@@ -418,7 +215,7 @@ std::optional<ReceivedCalls> ReceiveCalls(KeptPlanesOfCaller* kept, SocketStream
 
 std::optional<Operation> ReceiveOperation(SocketStream* from) {
   Operation operation = {};
-  if (!from->Read(&operation, sizeof(operation)) || operation > Operation::kRefine) return std::nullopt;
+  if (!from->Read(&operation, sizeof(operation)) || operation > Operation::kLayer) return std::nullopt;
   return operation;
 }
 
@@ -436,7 +233,7 @@ std::optional<bool> ReceiveHasResult(SocketStream* from) {
 bool SendResults(const std::vector<ManifoldResult>& results, SocketStream* to) {
   bool works = true;
   for (const ManifoldResult& result : results)
-    works = works && SendPlanes(result.filtered, to) && SendList(result.points.values, to) &&
+    works = works && SendPlanes(filter::ViewsOf(result.filtered), to) && SendList(result.points.values, to) &&
             SendList(result.points.weights, to);
   return works;
 }

@@ -16,7 +16,7 @@
 #include "absl/strings/str_cat.h"
 #include "proto/device/call_messages.h"
 #include "proto/device/fit_messages.h"
-#include "proto/device/refine_messages.h"
+#include "proto/device/layer_messages.h"
 #include "proto/device/serve_device.h"
 #include "proto/device/socket_stream.h"
 #include "proto/rpc/monotonic.h"
@@ -72,24 +72,15 @@ class DeviceLink final : public filter::FilterDevice {
   std::optional<std::vector<filter::ManifoldResult>> Filter(
       absl::Span<const filter::ManifoldCall> calls) override {
     absl::MutexLock lock(&mutex_);
-    return Ask(calls, [&] { return SendCalls(calls, &kept_, &stream_); }, ReceiveResults);
+    return Ask(calls, [&] { return SendCalls(calls, &stream_); }, ReceiveResults);
   }
   std::optional<filter::FitResult> Fit(const filter::FitCall& call) override {
     absl::MutexLock lock(&mutex_);
     return Ask<const filter::FitCall&>(call, [&] { return SendFit(call, &stream_); }, ReceiveResult);
   }
-  std::optional<filter::RefinedHalves> Refine(const filter::RefineCall& call) override {
+  std::optional<filter::LayerResult> FilterLayer(const filter::LayerCall& call) override {
     absl::MutexLock lock(&mutex_);
-    return Ask<const filter::RefineCall&>(
-        call, [&] { return SendRefinement(call, &kept_, &stream_); }, ReceiveResult);
-  }
-  void Keep(absl::Span<const ConstFloatView> planes) override {
-    absl::MutexLock lock(&mutex_);
-    kept_.Keep(planes);
-  }
-  void Forget(absl::Span<const ConstFloatView> planes) override {
-    absl::MutexLock lock(&mutex_);
-    kept_.Forget(planes);
+    return Ask<const filter::LayerCall&>(call, [&] { return SendLayer(call, &stream_); }, ReceiveResult);
   }
 
  private:
@@ -111,7 +102,6 @@ class DeviceLink final : public filter::FilterDevice {
   const std::string other_bits_;
   absl::Mutex mutex_;
   SocketStream stream_ ABSL_GUARDED_BY(mutex_);
-  SentPlanes kept_ ABSL_GUARDED_BY(mutex_);
   const std::function<void()> on_trouble_;
   bool has_failed_ ABSL_GUARDED_BY(mutex_) = false;
   bool has_left_ ABSL_GUARDED_BY(mutex_) = false;  // a call to the processor
@@ -129,11 +119,9 @@ class OwnDevice final : public filter::FilterDevice {
     return link_->Filter(calls);
   }
   std::optional<filter::FitResult> Fit(const filter::FitCall& call) override { return link_->Fit(call); }
-  std::optional<filter::RefinedHalves> Refine(const filter::RefineCall& call) override {
-    return link_->Refine(call);
+  std::optional<filter::LayerResult> FilterLayer(const filter::LayerCall& call) override {
+    return link_->FilterLayer(call);
   }
-  void Keep(absl::Span<const ConstFloatView> planes) override { link_->Keep(planes); }
-  void Forget(absl::Span<const ConstFloatView> planes) override { link_->Forget(planes); }
 
  private:
   const std::unique_ptr<DeviceProcess> process_;

@@ -6,6 +6,8 @@
 
 #include "absl/types/span.h"
 #include "filter/image/planes.h"
+#include "filter/manifold/filter_device.h"
+#include "filter/manifold/manifold_filter.h"
 #include "proto/device/call_messages.h"
 #include "proto/device/socket_stream.h"
 
@@ -27,6 +29,31 @@ inline bool IsSize(int32_t width, int32_t height) {
 inline bool IsCount(uint32_t planes) { return planes >= 1 && planes <= kMostPlanes; }
 inline bool IsPositive(float value, float most) { return value > 0 && value <= most; }
 
+// Without padding: no byte of this process's memory goes with what is sent.
+
+/// filter::ManifoldParams.
+struct ParamsHeader {
+  float sigma_s, slope_ridge;
+  int32_t levels, pca_iterations, cell;
+  uint32_t keeps_mass, is_first_order;
+};
+ParamsHeader ParamsHeaderOf(const filter::ManifoldParams& params);
+filter::ManifoldParams ParamsOf(const ParamsHeader& header);
+bool IsValid(const ParamsHeader& header);
+bool IsTree(int32_t levels);
+bool IsReach(float reach);
+
+/// Points of calls: numbers of what their pictures have.
+struct PointLimits {
+  int32_t width, height;
+  uint32_t features, signals;
+};
+bool CanSend(const filter::SlicePoints& points, const PointLimits& limits);
+/// Those that are not `first` have none of its places and features with them where these are the same.
+bool SendPoints(const filter::SlicePoints& points, const filter::SlicePoints& first, SocketStream* to);
+/// Adds points. False: the other end is closed, or they are none within the limits.
+bool ReceivePoints(const PointLimits& limits, SocketStream* from, std::vector<filter::SlicePoints>* all);
+
 inline bool SendOperation(Operation operation, SocketStream* to) {
   return to->Write(&operation, sizeof(operation));
 }
@@ -47,16 +74,12 @@ bool ReceiveList(size_t count, SocketStream* from, std::vector<T>* values) {
   return from->Read(values->data(), count * sizeof(T));
 }
 
-inline bool SendPlanes(const Planes& planes, SocketStream* to) {
-  bool works = true;
-  for (const Plane& plane : planes) works = works && to->WriteRows(plane.view());
-  return works;
-}
-
-inline bool ReceivePlanes(SocketStream* from, Planes* planes) {
-  bool works = true;
-  for (Plane& plane : *planes) works = works && from->ReadRows(plane.view());
-  return works;
-}
+struct PlaneCount {
+  size_t count;
+  int32_t width, height;
+};
+bool SendPlanes(const filter::PlaneViews& planes, SocketStream* to);
+/// Adds planes.
+bool ReceivePlanes(const PlaneCount& planes, SocketStream* from, Planes* received);
 
 }  // namespace lumifold::device

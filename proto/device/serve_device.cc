@@ -26,7 +26,7 @@
 #include "filter/opencl/filter_device.h"
 #include "proto/device/call_messages.h"
 #include "proto/device/fit_messages.h"
-#include "proto/device/refine_messages.h"
+#include "proto/device/layer_messages.h"
 #include "proto/device/socket_stream.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/threads/event.h"
@@ -77,8 +77,7 @@ class Service {
       connections_.insert(connection.get());
     }
     SocketStream stream(connection.get());
-    KeptPlanesOfCaller kept;
-    while (Answer(&kept, &stream)) {
+    while (Answer(&stream)) {
     }
     absl::MutexLock lock(&mutex_);
     connections_.erase(connection.get());
@@ -109,20 +108,19 @@ class Service {
   }
 
   /// Answers the next message. False: it was the last.
-  bool Answer(KeptPlanesOfCaller* kept, SocketStream* stream) {
+  bool Answer(SocketStream* stream) {
     const std::optional<Operation> operation = ReceiveOperation(stream);
     if (!operation.has_value()) return false;
     if (*operation == Operation::kFit) {
       const std::optional<ReceivedFit> fit = ReceiveFit(stream);
       return fit.has_value() && Send(Watched([&] { return device_->Fit(fit->View()); }), SendResult, stream);
     }
-    if (*operation == Operation::kRefine) {
-      const std::optional<ReceivedRefinement> refinement = ReceiveRefinement(kept, stream);
-      if (!refinement.has_value()) return false;
-      const std::vector<filter::ManifoldCall> filterings = refinement->filterings.View();
-      return Send(Watched([&] { return device_->Refine(refinement->View(filterings)); }), SendResult, stream);
+    if (*operation == Operation::kLayer) {
+      const std::optional<ReceivedLayer> layer = ReceiveLayer(stream);
+      return layer.has_value() &&
+             Send(Watched([&] { return device_->FilterLayer(layer->View()); }), SendResult, stream);
     }
-    const std::optional<ReceivedCalls> calls = ReceiveCalls(kept, stream);
+    const std::optional<ReceivedCalls> calls = ReceiveCalls(stream);
     return calls.has_value() &&
            Send(Watched([&] { return device_->Filter(calls->View()); }), SendResults, stream);
   }

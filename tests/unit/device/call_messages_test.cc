@@ -12,30 +12,19 @@
 namespace lumifold::device {
 namespace {
 
-/// Both ends of a connection that has kept planes.
-struct Connection {
-  SentPlanes sent;
-  KeptPlanesOfCaller kept;
-
-  std::optional<ReceivedCalls> Transfer(const std::vector<filter::ManifoldCall>& calls) {
-    return device::Transfer([&](SocketStream* to) { return SendCalls(calls, &sent, to); },
-                            [&](SocketStream* from) {
-                              return ReceiveOperation(from) == Operation::kFilter ? ReceiveCalls(&kept, from)
-                                                                                  : std::nullopt;
-                            });
-  }
-};
-
 std::optional<ReceivedCalls> Transfer(const std::vector<filter::ManifoldCall>& calls) {
-  return Connection().Transfer(calls);
+  return device::Transfer([&](SocketStream* to) { return SendCalls(calls, to); },
+                          [&](SocketStream* from) {
+                            return ReceiveOperation(from) == Operation::kFilter ? ReceiveCalls(from)
+                                                                                : std::nullopt;
+                          });
 }
 
 class CallMessages : public testing::Test {
  protected:
   filter::ManifoldCall Call() const {
     return {filter::ViewsOf(input_.signals),
-            {},
-            {filter::ViewsOf(input_.signals), radius_, dimensions_, taps_, 1, inverse_knee_, 0.5f},
+            {filter::ViewsOf(input_.signals), radius_, dimensions_, taps_, 1},
             filter::ViewsOf(input_.features),
             input_.mask.view(),
             params_,
@@ -51,7 +40,6 @@ class CallMessages : public testing::Test {
   filter::ManifoldParams params_ = {.height = 3, .keeps_mass = true, .is_first_order = true};
   float reach_ = 5;
   int radius_ = 1, dimensions_ = 5;
-  float inverse_knee_ = 2;
   std::vector<float> taps_ = std::vector<float>(3 * 5 * 9, 0.5f);
 };
 
@@ -63,8 +51,6 @@ TEST_F(CallMessages, ArriveAsTheyWere) {
   EXPECT_EQ(call.reach, 5);
   EXPECT_EQ(call.patches.radius, 1);
   EXPECT_EQ(call.patches.dimensions, 5);
-  EXPECT_EQ(call.patches.inverse_knee, 2);
-  EXPECT_EQ(call.patches.shift, 0.5f);
   EXPECT_EQ(call.patches.taps, absl::MakeConstSpan(taps_));
   EXPECT_EQ(call.points->pixels, points_.pixels);
   EXPECT_EQ(call.points->features, points_.features);
@@ -104,40 +90,6 @@ TEST_F(CallMessages, OfSeveralCallsHaveEachPlaneOnce) {
   EXPECT_EQ(calls[3].points->signals, placed.signals);
 }
 
-TEST_F(CallMessages, SendAPlaneThatIsKeptOnce) {
-  Connection connection;
-  const filter::PlaneViews kept = filter::ViewsOf(input_.features);
-  connection.sent.Keep(kept);
-  const float first = input_.features[3].At(4, 100);
-  ASSERT_TRUE(connection.Transfer({Call()}).has_value());
-  EXPECT_EQ(connection.kept.size(), 4);
-  input_.features[3].At(4, 100) = first + 1;  // which a caller must not do: the other end has it as it was
-  ReceivedCalls received = Present(connection.Transfer({Call()}));
-  EXPECT_EQ(received.planes.size(), 3 + 1);
-  EXPECT_EQ(received.View().front().features[3].At(4, 100), first);
-  connection.sent.Forget(kept);
-  received = Present(connection.Transfer({Call()}));
-  EXPECT_EQ(received.View().front().features[3].At(4, 100), first + 1);
-  EXPECT_TRUE(connection.kept.empty());
-}
-
-TEST_F(CallMessages, OfKeptPlanesThatAreNotThereAreRefused) {
-  Connection connection;
-  connection.sent.Keep(filter::ViewsOf(input_.features));
-  ASSERT_TRUE(connection.Transfer({Call()}).has_value());
-  EXPECT_TRUE(connection.Transfer({Call()}).has_value());
-  connection.kept.begin()->second = Plane(7, 5);
-  EXPECT_FALSE(connection.Transfer({Call()}).has_value()) << "a plane of another size";
-  connection.kept.clear();
-  EXPECT_FALSE(connection.Transfer({Call()}).has_value()) << "a plane that was never sent";
-  SentPlanes others;
-  others.Keep(filter::ViewsOf(input_.signals));  // with a number that is taken
-  ASSERT_TRUE(Connection().Transfer({Call()}).has_value());
-  connection.kept.emplace(1, Plane(19, 150));
-  connection.sent = others;
-  EXPECT_FALSE(connection.Transfer({Call()}).has_value()) << "a plane in another's place";
-}
-
 /// The process with the device is in no sandbox; the caller may be one that a malformed scene has taken over.
 TEST_F(CallMessages, OfNoValidCallAreRefused) {
   EXPECT_TRUE(IsReceived());
@@ -162,9 +114,6 @@ TEST_F(CallMessages, OfNoValidCallAreRefused) {
     EXPECT_FALSE(IsReceived()) << "a reach of " << reach;
   }
   reach_ = 5;
-  inverse_knee_ = std::numeric_limits<float>::infinity();
-  EXPECT_FALSE(IsReceived()) << "guides over a knee of 0";
-  inverse_knee_ = 0;
   input_.signals.pop_back();
   EXPECT_FALSE(IsReceived()) << "planes fitted to two signals";
 }
@@ -182,10 +131,7 @@ TEST_F(CallMessages, OfNoValidProjectionAreRefused) {
 
 /// Whatever comes is refused or valid, and kernels stay within what is received: 64 words hold no call.
 TEST_F(CallMessages, OfAnyWordsAreRefused) {
-  EXPECT_FALSE(AnyIsReceived([](SocketStream* from) {
-    KeptPlanesOfCaller kept;
-    return ReceiveCalls(&kept, from).has_value();
-  }));
+  EXPECT_FALSE(AnyIsReceived([](SocketStream* from) { return ReceiveCalls(from).has_value(); }));
 }
 
 }  // namespace

@@ -63,7 +63,6 @@ class Device : public testing::Test {
     const filter::ManifoldParams params;
     const filter::ManifoldCall call = {filter::ViewsOf(input.signals),
                                        {},
-                                       {},
                                        filter::ViewsOf(input.features),
                                        input.mask.view(),
                                        params,
@@ -121,7 +120,6 @@ TEST_F(Device, InAProcessGivesTheBitsOfThisProcessorToAllWhoAsk) {
       filter::AddSignals(3, &points);
       const filter::ManifoldParams params = {.keeps_mass = true, .is_first_order = true};
       const filter::ManifoldCall call = {filter::ViewsOf(input.signals),
-                                         {},
                                          {},
                                          filter::ViewsOf(input.features),
                                          input.mask.view(),

@@ -185,11 +185,15 @@ TEST(DefaultMethod, IsTheSameOnADevice) {
   const Frame frames[] = {Frame(film.film, &edges, &film.fragments), Frame(film.film, &edges),
                           Frame(film.film)};
   for (const bool is_small : {false, true}) {
-    for (const SwitchedOff& off : {SwitchedOff{}, SwitchedOff{"choice"}, SwitchedOff{"light-regression"}}) {
+    for (const char* off :
+         {"regression", "choice", "light-regression", "second-filtering", "noisy-choice", "firefly-energy"}) {
       for (const Frame& frame : frames) {
-        const DenoiseOptions options = {.off = off};
-        EXPECT_TRUE(AreEqual(Denoise(frame, PoolWithOracle(is_small).get(), options),
-                             Denoise(frame, nullptr, options)));
+        const DenoiseOptions options = {.off = {off}};
+        const FilteredPicture there = DenoiseWithDeviation(frame, PoolWithOracle(is_small).get(), options);
+        const FilteredPicture here = DenoiseWithDeviation(frame, nullptr, options);
+        EXPECT_TRUE(AreEqual(there.picture, here.picture)) << off;
+        EXPECT_TRUE(AreEqual(there.deviation, here.deviation)) << off;
+        EXPECT_TRUE(AreEqual(there.returned, here.returned)) << off;
       }
     }
   }

@@ -188,8 +188,8 @@ TEST(ManifoldFilter, IsTheSameInAnyMemoryOfADevice) {
     for (const int height : {1, 2, 4}) {
       const ManifoldParams params = {
           .sigma_s = 7, .height = height, .cell = 4, .keeps_mass = true, .is_first_order = fits};
-      const ManifoldCall call = {ViewsOf(input.signals), {},     {}, ViewsOf(input.features),
-                                 input.mask.view(),      params, 16, &points};
+      const ManifoldCall call = {
+          ViewsOf(input.signals), {}, ViewsOf(input.features), input.mask.view(), params, 16, &points};
       const DeviceMemory least = LeastMemory({&call, 1});
       const auto run = [&](const DeviceMemory& memory) {
         return std::move(FilterOracle({&call, 1}, memory).front());

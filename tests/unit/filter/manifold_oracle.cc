@@ -16,8 +16,8 @@
 #include "filter/manifold/manifold_constants.h"
 #include "filter/opencl/fit_run.h"
 #include "filter/opencl/kernel_run.h"
+#include "filter/opencl/layer_run.h"
 #include "filter/opencl/manifold_run.h"
-#include "filter/opencl/refine_run.h"
 
 namespace lumifold::filter {
 namespace {
@@ -49,8 +49,12 @@ using ulong = uint64_t;
 double as_double(ulong bits) { return std::bit_cast<double>(bits); }
 constexpr ulong kLeastSpread = std::bit_cast<ulong>(filter::kLeastSpread);
 #define DOUBLES 1
+#include "filter/opencl/reals.cl"
+
 #include "filter/opencl/choice.cl"
 #include "filter/opencl/covariance.cl"
+#include "filter/opencl/energy.cl"
+#include "filter/opencl/layer.cl"
 #include "filter/opencl/projection.cl"
 int FIT_TERMS = 1;
 int FIT_SIGNALS = 1;
@@ -82,8 +86,8 @@ class RunInCpp final : public KernelRun {
   void Write(Buffer to, size_t offset, const void* from, size_t bytes) override {
     if (bytes > 0) std::memcpy(MemoryOf(to) + offset, from, bytes);
   }
-  void Copy(Buffer from, Buffer to, size_t to_offset, size_t bytes) override {
-    if (bytes > 0) std::memcpy(MemoryOf(to) + to_offset, MemoryOf(from), bytes);
+  void Copy(Buffer from, size_t from_offset, Buffer to, size_t to_offset, size_t bytes) override {
+    if (bytes > 0) std::memcpy(MemoryOf(to) + to_offset, MemoryOf(from) + from_offset, bytes);
   }
   void Run(const char* kernel, size_t items, std::initializer_list<Argument> arguments) override;
   absl::Status Finish() override { return absl::OkStatus(); }
@@ -106,7 +110,7 @@ class RunInCpp final : public KernelRun {
     kernels::FIT_SIGNALS = shape.signals;
     kernels::FIT_TRAITS = shape.traits;
   }
-  static void Define(const ChoiceProgram&) {}
+  static void Define(const LayerProgram&) {}
 
   std::byte* MemoryOf(Buffer buffer) { return buffers_[static_cast<size_t>(buffer)].data(); }
 
@@ -153,14 +157,18 @@ void RunInCpp::Run(const char* kernel, size_t items, std::initializer_list<Argum
       LUMIFOLD_CALL(Axis) || LUMIFOLD_CALL(Weigh) || LUMIFOLD_CALL(KeepMass) || LUMIFOLD_CALL(Splat) ||
       LUMIFOLD_CALL(Moments) || LUMIFOLD_CALL(Links) || LUMIFOLD_CALL(GuidedRows) ||
       LUMIFOLD_CALL(GuidedColumns) || LUMIFOLD_CALL(Slice) || LUMIFOLD_CALL(Project) ||
-      LUMIFOLD_CALL(Stabilise) || LUMIFOLD_CALL(Subtract) || LUMIFOLD_CALL(ProbeReals) ||
-      LUMIFOLD_CALL(FitSums) || LUMIFOLD_CALL(FitModels) || LUMIFOLD_CALL(FitValues) ||
-      LUMIFOLD_CALL(FitOwn) || LUMIFOLD_CALL(TakeFiltered) || LUMIFOLD_CALL(MeanOfPoints) ||
-      LUMIFOLD_CALL(LightOf) || LUMIFOLD_CALL(WeighErrors) || LUMIFOLD_CALL(WeighErrorsOfPoints) ||
-      LUMIFOLD_CALL(TermsOfPixels) || LUMIFOLD_CALL(TermsOfPoints) || LUMIFOLD_CALL(TermsOfCells) ||
-      LUMIFOLD_CALL(SumRowsOfCells) || LUMIFOLD_CALL(RefineCells) || LUMIFOLD_CALL(ShareOfCells) ||
-      LUMIFOLD_CALL(RefinePixels) || LUMIFOLD_CALL(SmoothShare) || LUMIFOLD_CALL(MoveTowards) ||
-      LUMIFOLD_CALL(LightSamples) || LUMIFOLD_CALL(TakeFit);
+      LUMIFOLD_CALL(Stabilise) || LUMIFOLD_CALL(MeanOfHalves) || LUMIFOLD_CALL(SubtractHalf) ||
+      LUMIFOLD_CALL(PatchProducts) || LUMIFOLD_CALL(AddToPixels) || LUMIFOLD_CALL(EnergyFeatures) ||
+      LUMIFOLD_CALL(EnergySignals) || LUMIFOLD_CALL(LightAndRemoved) || LUMIFOLD_CALL(SharedEnergy) ||
+      LUMIFOLD_CALL(RowTotals) || LUMIFOLD_CALL(AddRest) || LUMIFOLD_CALL(AddEnergy) ||
+      LUMIFOLD_CALL(ShareEnergy) || LUMIFOLD_CALL(ProbeReals) || LUMIFOLD_CALL(FitSums) ||
+      LUMIFOLD_CALL(FitModels) || LUMIFOLD_CALL(FitValues) || LUMIFOLD_CALL(FitOwn) ||
+      LUMIFOLD_CALL(TakeFiltered) || LUMIFOLD_CALL(MeanOfPoints) || LUMIFOLD_CALL(LightOf) ||
+      LUMIFOLD_CALL(WeighErrors) || LUMIFOLD_CALL(WeighErrorsOfPoints) || LUMIFOLD_CALL(TermsOfPixels) ||
+      LUMIFOLD_CALL(TermsOfPoints) || LUMIFOLD_CALL(TermsOfCells) || LUMIFOLD_CALL(SumRowsOfCells) ||
+      LUMIFOLD_CALL(RefineCells) || LUMIFOLD_CALL(ShareOfCells) || LUMIFOLD_CALL(RefinePixels) ||
+      LUMIFOLD_CALL(SmoothShare) || LUMIFOLD_CALL(MoveTowards) || LUMIFOLD_CALL(LightSamples) ||
+      LUMIFOLD_CALL(TakeFit);
 #undef LUMIFOLD_CALL
   LUMIFOLD_CHECK(is_known);
 }
@@ -178,13 +186,11 @@ class OracleDevice final : public FilterDevice {
     RunInCpp run(memory);
     return *RunFit(call, memory, &run);
   }
-  std::optional<RefinedHalves> Refine(const RefineCall& call) override {
+  std::optional<LayerResult> FilterLayer(const LayerCall& call) override {
     const DeviceMemory memory = is_small_ ? LeastMemory(call) : DeviceMemory{};
     RunInCpp run(memory);
-    return *RunRefinement(call, memory, &run);
+    return *RunLayerCall(call, memory, &run);
   }
-  void Keep(absl::Span<const ConstFloatView>) override {}
-  void Forget(absl::Span<const ConstFloatView>) override {}
 
  private:
   const bool is_small_;
@@ -195,7 +201,7 @@ class OracleDevice final : public FilterDevice {
 ManifoldResult ManifoldFilterOracle(const Planes& signals, const Planes& features, ConstFloatView mask,
                                     const ManifoldParams& params, float reach, const SlicePoints* points,
                                     const DeviceMemory& memory) {
-  const ManifoldCall call = {ViewsOf(signals), {}, {}, ViewsOf(features), mask, params, reach, points};
+  const ManifoldCall call = {ViewsOf(signals), {}, ViewsOf(features), mask, params, reach, points};
   return std::move(FilterOracle({&call, 1}, memory).front());
 }
 

@@ -184,7 +184,7 @@ class LostRun final : public KernelRun {
   Buffer Allocate(size_t) override { return {}; }
   void Release(Buffer) override {}
   void Write(Buffer, size_t, const void*, size_t) override {}
-  void Copy(Buffer, Buffer, size_t, size_t) override {}
+  void Copy(Buffer, size_t, Buffer, size_t, size_t) override {}
   void Run(const char*, size_t, std::initializer_list<Argument>) override {}
   absl::Status Finish() override { return absl::InternalError("it is lost"); }
   absl::Status Read(Buffer, size_t, size_t, void*) override { return Finish(); }

@@ -1,4 +1,4 @@
-// The double precision that covariance.cl does with integers, against the processor's.
+// The double precision that reals.cl does with integers, against the processor's.
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,6 @@
 #include <cstdint>
 #include <random>
 
-#include "filter/manifold/manifold_constants.h"
-
 namespace lumifold::filter {
 namespace {
 
@@ -17,28 +15,21 @@ namespace kernels {
 
 using ulong = uint64_t;
 using uint = uint32_t;
-struct Grid {
-  int columns, rows;
-};
-constexpr int FEATURES = 3;
-constexpr int PAIRS = 6;
-constexpr int ENTRIES = 7;
-constexpr int MOST_FEATURES = 3;
-constexpr ulong kLeastSpread = std::bit_cast<ulong>(filter::kLeastSpread);
-[[maybe_unused]] size_t CellsOf(Grid grid) { return static_cast<size_t>(grid.columns * grid.rows); }
 size_t get_global_id(int) { return 0; }
 int as_int(float x) { return std::bit_cast<int>(x); }
 float as_float(int x) { return std::bit_cast<float>(x); }
-int clz(ulong x) { return std::countl_zero(x); }
+ulong clz(ulong x) { return static_cast<ulong>(std::countl_zero(x)); }
 ulong mul_hi(ulong a, ulong b) {
   const ulong a_high = a >> 32, a_low = a & 0xffffffff, b_high = b >> 32, b_low = b & 0xffffffff;
   const ulong middle = a_high * b_low + (a_low * b_low >> 32);
   return a_high * b_high + (middle >> 32) + ((a_low * b_high + (middle & 0xffffffff)) >> 32);
 }
+// NOLINTBEGIN(bugprone-reserved-identifier,clang-diagnostic-reserved-macro-identifier): words of OpenCL
 #define __kernel [[maybe_unused]]
 #define __global
+// NOLINTEND(bugprone-reserved-identifier,clang-diagnostic-reserved-macro-identifier)
 #define DOUBLES 0
-#include "filter/opencl/covariance.cl"
+#include "filter/opencl/reals.cl"
 
 }  // namespace kernels
 
@@ -85,7 +76,7 @@ TEST(Reals, AreThoseOfTheProcessor) {
   for (int i = 0; i < 300'000; ++i) {
     const double a = numbers.Next(), b = numbers.Next(), size = std::abs(a);
     SCOPED_TRACE(testing::Message() << std::hexfloat << a << ' ' << b);
-    const uint64_t x = BitsOf(a), y = BitsOf(b);
+    const kernels::Real x = kernels::RealOfBits(BitsOf(a)), y = kernels::RealOfBits(BitsOf(b));
     ASSERT_EQ(kernels::Sum(x, y), BitsOf(a + b));
     ASSERT_EQ(kernels::Product(x, y), BitsOf(a * b));
     if (b != 0) {

@@ -17,7 +17,7 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
-#include "filter/opencl/filter_device.h"
+#include "filter/opencl/open_device.h"
 #include "proto/device/device_option.h"
 #include "proto/device/device_process.h"
 #include "proto/device/serve_device.h"

@@ -21,7 +21,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "filter/image/memory.h"
-#include "filter/opencl/filter_device.h"
+#include "filter/opencl/open_device.h"
 #include "proto/device/device_process.h"
 #include "proto/device/serve_device.h"
 #include "proto/identity/certificate.h"

@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "filter/opencl/filter_device.h"
+#include "filter/opencl/open_device.h"
 #include "proto/logging/log_flags.h"
 #include "proto/sandbox/sandbox.h"
 #include "worker/availability/availability.h"

@@ -9,7 +9,7 @@
 #include "filter/manifold/filter_device.h"
 #include "filter/methods.h"
 #include "filter/opencl/device.h"
-#include "filter/opencl/filter_device.h"
+#include "filter/opencl/open_device.h"
 #include "proto/device/device_process.h"
 
 namespace lumifold::local {

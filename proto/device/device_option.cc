@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "filter/opencl/filter_device.h"
+#include "filter/opencl/open_device.h"
 
 namespace lumifold::device {
 

@@ -10,7 +10,7 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
 #include "filter/manifold/filter_device.h"
-#include "filter/opencl/filter_device.h"
+#include "filter/opencl/open_device.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/subprocess/child.h"
 

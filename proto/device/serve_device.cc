@@ -23,7 +23,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
-#include "filter/opencl/filter_device.h"
+#include "filter/opencl/open_device.h"
 #include "proto/device/call_messages.h"
 #include "proto/device/fit_messages.h"
 #include "proto/device/layer_messages.h"

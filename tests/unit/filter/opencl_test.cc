@@ -15,7 +15,7 @@
 #include "filter/manifold/nlm_space.h"
 #include "filter/methods.h"
 #include "filter/opencl/device.h"
-#include "filter/opencl/filter_device.h"
+#include "filter/opencl/open_device.h"
 #include "tests/unit/filter/are_equal.h"
 #include "tests/unit/filter/edge_films.h"
 #include "tests/unit/filter/fragment_films.h"

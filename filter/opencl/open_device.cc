@@ -1,4 +1,4 @@
-#include "filter/opencl/filter_device.h"
+#include "filter/opencl/open_device.h"
 
 #include <algorithm>
 #include <cstdint>

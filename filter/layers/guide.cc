@@ -15,29 +15,13 @@ PatchProjection ProjectionOf(const GuidedFiltering& filtering) {
           filtering.scale};
 }
 
-/// What the base leaves of the signals; empty without one.
-Planes RestOf(const GuidedFiltering& filtering, TaskPool* pool) {
-  return filtering.base != nullptr ? Difference(filtering.signals, *filtering.base, pool) : Planes{};
-}
-
-/// nullopt: the processor filters.
-std::optional<std::vector<ManifoldResult>> FilterOnDevice(absl::Span<const GuidedFiltering> filterings,
-                                                          const ManifoldParams& params, float reach,
-                                                          TaskPool* pool) {
+/// nullopt: the processor filters. `signals`: what the base leaves.
+std::optional<ManifoldResult> FilterOnDevice(const GuidedFiltering& filtering, const Planes& signals,
+                                             const ManifoldParams& params, float reach, TaskPool* pool) {
   FilterDevice* const device = DeviceOf(pool);
-  if (device == nullptr) return std::nullopt;
-  for (const GuidedFiltering& filtering : filterings) {
-    if (filtering.mask.width() == 0 || filtering.mask.height() == 0) return std::nullopt;
-  }
-  std::vector<Planes> rests;
-  rests.reserve(filterings.size());
-  std::vector<ManifoldCall> calls;
-  for (const GuidedFiltering& filtering : filterings) {
-    const Planes& rest = rests.emplace_back(RestOf(filtering, pool));
-    calls.push_back({ViewsOf(rest.empty() ? filtering.signals : rest), ProjectionOf(filtering),
-                     ViewsOf(filtering.guide.geometry), filtering.mask, params, reach, filtering.points});
-  }
-  return device->Filter(calls);
+  if (device == nullptr || filtering.mask.width() == 0 || filtering.mask.height() == 0) return std::nullopt;
+  return device->Filter({ViewsOf(signals), ProjectionOf(filtering), ViewsOf(filtering.guide.geometry),
+                         filtering.mask, params, reach, filtering.points});
 }
 
 /// Multiplies the coordinates of patches, which come before the geometry.
@@ -84,12 +68,18 @@ Planes JointFeatures(const JointGuide& guide, TaskPool* pool) {
 
 std::vector<ManifoldResult> FilterGuided(absl::Span<const GuidedFiltering> filterings,
                                          const ManifoldParams& params, float reach, TaskPool* pool) {
-  if (auto results = FilterOnDevice(filterings, params, reach, pool)) return *std::move(results);
   std::vector<ManifoldResult> results;
   const JointGuide* guide = nullptr;
   float scale = 1;
   Planes features;
   for (const GuidedFiltering& filtering : filterings) {
+    Planes rest;
+    if (filtering.base != nullptr) rest = Difference(filtering.signals, *filtering.base, pool);
+    const Planes& signals = filtering.base != nullptr ? rest : filtering.signals;
+    if (auto result = FilterOnDevice(filtering, signals, params, reach, pool)) {
+      results.push_back(*std::move(result));
+      continue;
+    }
     if (&filtering.guide != guide || scale != 1) {
       features.clear();  // two guides' would need the most memory of all
       guide = &filtering.guide;
@@ -97,9 +87,8 @@ std::vector<ManifoldResult> FilterGuided(absl::Span<const GuidedFiltering> filte
     }
     scale = filtering.scale;
     if (scale != 1) ScalePatches(scale, guide->geometry.size(), pool, &features);
-    const Planes rest = RestOf(filtering, pool);
-    results.push_back(ManifoldFilterAtPoints(rest.empty() ? filtering.signals : rest, features,
-                                             filtering.mask, params, reach, filtering.points, pool));
+    results.push_back(
+        ManifoldFilterAtPoints(signals, features, filtering.mask, params, reach, filtering.points, pool));
   }
   return results;
 }

@@ -58,8 +58,8 @@ struct GuidedFiltering {
   const SlicePoints* points;  // may be null
 };
 
-/// ManifoldFilterAtPoints for each; the device of the pool, if it has one, does all together. Those of one
-/// guide come one after another, those of scale 1 first.
+/// ManifoldFilterAtPoints for each; on the device of the pool, if it has one. Those of one guide come one
+/// after another, those of scale 1 first.
 /// Threads: identical for any pool.
 std::vector<ManifoldResult> FilterGuided(absl::Span<const GuidedFiltering> filterings,
                                          const ManifoldParams& params, float reach, TaskPool* pool);

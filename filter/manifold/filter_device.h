@@ -51,9 +51,7 @@ class FilterDevice {
   /// A name for its bits where they are not the processor's; empty: they are.
   virtual std::string OtherBits() const = 0;
 
-  /// The results of calls of one size, with the same numbers of planes and parameters. What calls share goes
-  /// to the device once.
-  virtual std::optional<std::vector<ManifoldResult>> Filter(absl::Span<const ManifoldCall> calls) = 0;
+  virtual std::optional<ManifoldResult> Filter(const ManifoldCall& call) = 0;
   virtual std::optional<FitResult> Fit(const FitCall& call) = 0;
   virtual std::optional<LayerResult> FilterLayer(const LayerCall& call) = 0;
 };

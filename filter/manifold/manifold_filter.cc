@@ -265,7 +265,7 @@ ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& featu
     return {MakePlanes(signals.size(), mask.width(), mask.height()), {}};
   if (FilterDevice* const device = DeviceOf(pool)) {
     const ManifoldCall call = {ViewsOf(signals), {}, ViewsOf(features), mask, params, reach, points};
-    if (auto results = device->Filter({&call, 1})) return std::move(results->front());
+    if (auto result = device->Filter(call)) return *std::move(result);
   }
   return Filter(signals, features, mask, params, reach, points, pool).Run();
 }

@@ -6,8 +6,10 @@
 #include <cstdint>
 #include <initializer_list>
 #include <variant>
+#include <vector>
 
 #include "absl/status/status.h"
+#include "filter/image/plane.h"
 #include "filter/manifold/fit_call.h"
 
 namespace lumifold::filter {
@@ -92,6 +94,14 @@ class KernelRun {
   /// After Finish().
   virtual absl::Status Read(Buffer from, size_t offset, size_t bytes, void* to) = 0;
 
+  /// Writes the pixels of a plane, row by row.
+  void WritePlane(ConstFloatView plane, Buffer to, size_t offset_bytes) {
+    const auto width = static_cast<size_t>(plane.width());
+    std::vector<float> values;
+    values.reserve(width * static_cast<size_t>(plane.height()));
+    for (int y = 0; y < plane.height(); ++y) values.insert(values.end(), plane.Row(y), plane.Row(y) + width);
+    Write(to, offset_bytes, values.data(), values.size() * sizeof(float));
+  }
   Buffer Floats(uint64_t count) { return Allocate(count * sizeof(float)); }
   /// A buffer of these values.
   template <typename Values>

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <vector>
 
-#include "filter/opencl/device_planes.h"
-
 namespace lumifold::filter {
 
 using Buffer = KernelRun::Buffer;
@@ -34,7 +32,7 @@ LayerPlanes::LayerPlanes(const LayerCall& call, const LayerSizes& of, KernelRun*
   noisy = run.Floats(LayerSizes::kPicturePlanes * sizes.sites);
   for (size_t h = 0; h < 2; ++h) {
     for (size_t c = 0; c < 3; ++c)
-      UploadPlane(call.halves.light[h][c], noisy, (3 * h + c) * sizes.sites * sizeof(float), &run);
+      run.WritePlane(call.halves.light[h][c], noisy, (3 * h + c) * sizes.sites * sizeof(float));
     masks[h] = Put(call.halves.masks[h]);
   }
   weight = Put(call.halves.weight);
@@ -62,7 +60,7 @@ Buffer LayerPlanes::Put(ConstFloatView plane) const {
   if (plane.IsEmpty())
     run.Write(buffer, 0, std::vector<float>(sizes.pixels).data(), sizes.pixels * sizeof(float));
   else
-    UploadPlane(plane, buffer, 0, &run);
+    run.WritePlane(plane, buffer, 0);
   return buffer;
 }
 
@@ -103,7 +101,7 @@ void LayerPlanes::PutGeometry(const LayerCall& call) {
   const size_t own = sizes.points > 0 ? call.points.of_halves[0]->own_features : 0;
   for (size_t k = 0; k < sizes.geometry; ++k) {
     const size_t at = k * sizes.sites * sizeof(float);
-    UploadPlane(call.geometry[k], geometry, at, &run);
+    run.WritePlane(call.geometry[k], geometry, at);
     for (size_t i = 0; i < of_points.size(); ++i) {
       const auto& [x, y] = call.points.of_halves[0]->pixels[i];
       of_points[i] = k + own < sizes.geometry

@@ -13,7 +13,6 @@
 #include "filter/image/portable_math.h"
 #include "filter/manifold/nlm_space.h"
 #include "filter/opencl/choice_run.h"
-#include "filter/opencl/device_planes.h"
 #include "filter/opencl/energy_run.h"
 #include "filter/opencl/layer_planes.h"
 #include "filter/opencl/light_run.h"
@@ -219,7 +218,7 @@ class LayerRun {
   absl::Status ReturnEnergy(const RemovedLight& removed) {
     removed_ = run_.Floats(kEnergyPlanes * sizes_.pixels);
     for (size_t i = 0; i < kEnergyPlanes; ++i)
-      UploadPlane(removed.planes[i / 3][i % 3], removed_, i * sizes_.pixels * sizeof(float), &run_);
+      run_.WritePlane(removed.planes[i / 3][i % 3], removed_, i * sizes_.pixels * sizeof(float));
     if (!removed.returns) return absl::OkStatus();
     energy_ = run_.Floats(kEnergyPlanes * sizes_.pixels);
     return RunEnergy(call_, removed, layer_, memory_, picture_, removed_, *energy_, &run_);

@@ -1,6 +1,8 @@
 #include "filter/opencl/light_run.h"
 
+#include <algorithm>
 #include <cstddef>
+#include <utility>
 
 #include "filter/manifold/fit_layout.h"
 
@@ -9,16 +11,22 @@ namespace {
 
 using Buffer = KernelRun::Buffer;
 
-/// The sites of each pixel that has points.
-std::vector<std::vector<int32_t>> SitesOfPoints(const LayerCall& call) {
+/// The points of a pixel: `count` from `first` on.
+struct PointsOfPixel {
+  int32_t first = 0, count = 0;
+};
+
+/// Those of each pixel; empty if there are none.
+std::vector<PointsOfPixel> PointsByPixel(const LayerCall& call) {
   const auto width = static_cast<size_t>(call.halves.weight.width());
   const size_t pixels = width * static_cast<size_t>(call.halves.weight.height());
-  std::vector<std::vector<int32_t>> sites(call.points.Count() > 0 ? pixels : 0);
+  std::vector<PointsOfPixel> points(call.points.Count() > 0 ? pixels : 0);
   for (size_t i = 0; i < call.points.Count(); ++i) {
     const auto& [x, y] = call.points.of_halves[0]->pixels[i];
-    sites[static_cast<size_t>(y) * width + static_cast<size_t>(x)].push_back(Int(pixels + i));
+    PointsOfPixel& at = points[static_cast<size_t>(y) * width + static_cast<size_t>(x)];
+    at = {at.count == 0 ? Int(i) : at.first, at.count + 1};
   }
-  return sites;
+  return points;
 }
 
 /// The samples, of which those with weight on the grid are centres. Sets their weights.
@@ -47,22 +55,20 @@ absl::Status MakeSamples(const LayerCall& call, const LightLayout& layout, const
 LightLayout::LightLayout(const LayerCall& call, const RegressionParams& of) : params(of) {
   const auto width = static_cast<size_t>(call.halves.weight.width());
   const size_t pixels = width * static_cast<size_t>(call.halves.weight.height());
-  const std::vector<std::vector<int32_t>> points = SitesOfPoints(call);
-  const auto sites_at = [&](size_t pixel) {
-    return points.empty() || points[pixel].empty() ? std::vector{Int(pixel)} : points[pixel];
-  };
+  const std::vector<PointsOfPixel> points = PointsByPixel(call);
+  const auto points_at = [&](size_t pixel) { return points.empty() ? PointsOfPixel{} : points[pixel]; };
   FitLayout layout = MakeFitLayout(call.halves.is_mixed, WindowRadius(params), [&](int x, int y) {
-    return sites_at(static_cast<size_t>(y) * width + static_cast<size_t>(x)).size();
+    const int32_t count = points_at(static_cast<size_t>(y) * width + static_cast<size_t>(x)).count;
+    return static_cast<size_t>(std::max(count, 1));
   });
   firsts = std::move(layout.firsts);
   targets = std::move(layout.targets);
   for (size_t pixel = 0; pixel < pixels; ++pixel) {
     if (firsts[pixel] == firsts[pixel + 1]) continue;
-    const bool is_on_grid = pixel % width % kFitStep == 0 && pixel / width % kFitStep == 0;
-    for (const int32_t site : sites_at(pixel)) {
-      sites.push_back(site);
-      on_grid.push_back(is_on_grid);
-    }
+    const auto [first, count] = points_at(pixel);
+    const int32_t site = count > 0 ? Int(pixels) + first : Int(pixel);
+    for (int32_t i = 0; i < std::max(count, 1); ++i) sites.push_back(site + i);
+    on_grid.resize(sites.size(), pixel % width % kFitStep == 0 && pixel / width % kFitStep == 0);
   }
   for (const int32_t target : targets) most_centres += on_grid[static_cast<size_t>(target)] ? 1 : 0;
   fit = {.shape = kLightShape,

@@ -9,7 +9,6 @@
 #include "filter/image/portable_math.h"
 #include "filter/kernels/kernel_constants.h"
 #include "filter/manifold/manifold_constants.h"
-#include "filter/opencl/device_planes.h"
 #include "filter/opencl/memory_plan.h"
 
 namespace lumifold::filter {
@@ -253,8 +252,8 @@ void ManifoldRun::SplatBlurSlice() {
 /// The planes of a call as planes of sites.
 class CallPlanes {
  public:
-  CallPlanes(const ManifoldCall& call, const ManifoldSizes& sizes, DevicePlanes* from, KernelRun* run)
-      : call_(call), sizes_(sizes), from_(*from), run_(*run) {}
+  CallPlanes(const ManifoldCall& call, const ManifoldSizes& sizes, KernelRun* run)
+      : call_(call), sizes_(sizes), run_(*run) {}
 
   const SlicePoints& Points() const {
     static const SlicePoints none;
@@ -269,14 +268,14 @@ class CallPlanes {
     const size_t channels = call_.signals.size();
     const Buffer signals = run_.Floats(channels * sizes_.sites);
     for (size_t c = 0; c < channels; ++c) {
-      from_.Put(call_.signals[c], signals, c * sizes_.sites * sizeof(float));
+      run_.WritePlane(call_.signals[c], signals, c * sizes_.sites * sizeof(float));
       PutPoints(c, signals, [&](size_t i) {
         return Points().signals.empty() ? 0.0f : Points().signals[i * channels + c];
       });
     }
     const Buffer masks = run_.Floats(sizes_.sites);
     run_.Run("Clear", sizes_.sites, {Int(sizes_.sites), masks});
-    from_.Put(call_.mask, masks, 0);
+    run_.WritePlane(call_.mask, masks, 0);
     return {sizes_, call_.params, call_.reach, Points(), of_points, features, signals, masks};
   }
 
@@ -295,7 +294,7 @@ class CallPlanes {
     if (patches.dimensions == 0) return;
     const Buffer color = run_.Floats(patches.color.size() * sizes_.pixels);
     for (size_t c = 0; c < patches.color.size(); ++c)
-      from_.Put(patches.color[c], color, c * sizes_.pixels * sizeof(float));
+      run_.WritePlane(patches.color[c], color, c * sizes_.pixels * sizeof(float));
     filter::ProjectPatches(
         sizes_.grid, {patches.color.size(), patches.dimensions, patches.radius, patches.scale, patches.taps},
         color, features, &run_);
@@ -308,7 +307,7 @@ class CallPlanes {
     Project(features);
     const auto first = static_cast<size_t>(call_.patches.dimensions);
     for (size_t k = 0; k < call_.features.size(); ++k)
-      from_.Put(call_.features[k], features, (first + k) * sizes_.sites * sizeof(float));
+      run_.WritePlane(call_.features[k], features, (first + k) * sizes_.sites * sizeof(float));
     const size_t own = Points().own_features, shared = count - own;
     run_.Run("ShareFeatures", shared * Points().pixels.size(), {sizes_.grid, Int(shared), places, features});
     for (size_t k = 0; k < own; ++k)
@@ -318,7 +317,6 @@ class CallPlanes {
 
   const ManifoldCall& call_;
   const ManifoldSizes& sizes_;
-  DevicePlanes& from_;
   KernelRun& run_;
 };
 
@@ -332,32 +330,6 @@ absl::StatusOr<ManifoldResult> ResultOf(const ManifoldCall& call, const Filtered
   absl::Status status = run->Read(sites.found, 0, points * sizeof(float), result->points.weights.data());
   if (!status.ok()) return status;
   return result;
-}
-
-/// How calls use the device's memory.
-struct CallsPlan {
-  bool planes_stay = false;
-  DeviceMemory of_calls;  // what is left to each
-  DeviceMemory taken = {0, 0};
-};
-
-CallsPlan PlanOf(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory) {
-  const ManifoldSizes first(calls.front());
-  const uint64_t shared = SharedPlanes(calls) * first.pixels * sizeof(float);
-  DeviceMemory all = {0, 0};  // where no manifold waits for another
-  for (const ManifoldCall& call : calls) {
-    const ManifoldSizes sizes(call);
-    Extend(NeedOf({1 << (sizes.levels - 1), sizes.manifolds}, sizes), &all);
-  }
-  CallsPlan plan = {.of_calls = memory};
-  plan.planes_stay = memory.Holds({all.whole + shared, all.largest});
-  if (plan.planes_stay) plan.of_calls.whole -= shared;
-  for (const ManifoldCall& call : calls) {
-    const ManifoldSizes sizes(call);
-    Extend(NeedOf(PlanFor(plan.of_calls, sizes), sizes), &plan.taken);
-  }
-  if (plan.planes_stay) plan.taken.whole += shared;
-  return plan;
 }
 
 }  // namespace
@@ -407,38 +379,28 @@ KernelOptions KernelsOf(const ManifoldCall& call) {
           call.params.is_first_order, CellOf(call.params)};
 }
 
-DeviceMemory LeastMemory(absl::Span<const ManifoldCall> calls) {
-  DeviceMemory least = {0, 0};
-  for (const ManifoldCall& call : calls) {
-    const ManifoldSizes sizes(call);
-    Extend(NeedOf(LeastPlan(sizes), sizes), &least);
-  }
-  return least;
+DeviceMemory LeastMemory(const ManifoldCall& call) {
+  const ManifoldSizes sizes(call);
+  return NeedOf(LeastPlan(sizes), sizes);
 }
 
-DeviceMemory TakenMemory(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory) {
-  return PlanOf(calls, memory).taken;
+DeviceMemory TakenMemory(const ManifoldCall& call, const DeviceMemory& memory) {
+  const ManifoldSizes sizes(call);
+  return NeedOf(PlanFor(memory, sizes), sizes);
 }
 
-absl::StatusOr<std::vector<ManifoldResult>> RunManifolds(absl::Span<const ManifoldCall> calls,
-                                                         const DeviceMemory& memory, KernelRun* run) {
-  const CallsPlan plan = PlanOf(calls, memory);
-  DevicePlanes planes(calls, plan.planes_stay, run);
-  std::vector<ManifoldResult> results;
-  for (const ManifoldCall& call : calls) {
-    run->Use(KernelsOf(call));
-    const ManifoldSizes sizes(call);
-    const SiteFiltering filtering = CallPlanes(call, sizes, &planes, run).Put();
-    absl::Status status = RunFiltering(filtering, plan.of_calls, run, [&](const FilteredSites& sites) {
-      absl::StatusOr<ManifoldResult> result = ResultOf(call, sites, run);
-      if (!result.ok()) return result.status();
-      results.push_back(*std::move(result));
-      return absl::OkStatus();
-    });
-    if (!status.ok()) return status;
-    run->Release(filtering.places);
-  }
-  return results;
+absl::StatusOr<ManifoldResult> RunManifolds(const ManifoldCall& call, const DeviceMemory& memory,
+                                            KernelRun* run) {
+  run->Use(KernelsOf(call));
+  const ManifoldSizes sizes(call);
+  absl::StatusOr<ManifoldResult> result = absl::InternalError("no result");
+  absl::Status status =
+      RunFiltering(CallPlanes(call, sizes, run).Put(), memory, run, [&](const FilteredSites& sites) {
+        result = ResultOf(call, sites, run);
+        return result.status();
+      });
+  if (!status.ok()) return status;
+  return result;
 }
 
 }  // namespace lumifold::filter

@@ -8,7 +8,6 @@
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "filter/manifold/filter_device.h"
-#include "filter/opencl/device_planes.h"
 #include "filter/opencl/kernel_run.h"
 #include "filter/opencl/memory_plan.h"
 
@@ -17,10 +16,10 @@ namespace lumifold::filter {
 /// The kernels that the call needs.
 KernelOptions KernelsOf(const ManifoldCall& call);
 
-/// What the calls need at least.
-DeviceMemory LeastMemory(absl::Span<const ManifoldCall> calls);
+/// What a call needs at least.
+DeviceMemory LeastMemory(const ManifoldCall& call);
 /// What RunManifolds takes of so much memory.
-DeviceMemory TakenMemory(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory);
+DeviceMemory TakenMemory(const ManifoldCall& call, const DeviceMemory& memory);
 
 /// Extends `all` to what either needs.
 void Extend(const DeviceMemory& need, DeviceMemory* all);
@@ -65,10 +64,9 @@ struct SiteCounts {
 absl::StatusOr<ManifoldResult> ReadSites(const SiteCounts& counts, KernelRun::Buffer from, size_t first,
                                          KernelRun* run);
 
-/// FilterDevice::Filter by the kernels of manifold.cl, made for the calls. Manifolds take turns as the
-/// memory of the device asks for, and planes of several calls stay there if it has room; the bits are the
-/// same. `memory` holds LeastMemory(calls). Errors: those of the run.
-absl::StatusOr<std::vector<ManifoldResult>> RunManifolds(absl::Span<const ManifoldCall> calls,
-                                                         const DeviceMemory& memory, KernelRun* run);
+/// FilterDevice::Filter by the kernels of manifold.cl, made for the call. Manifolds take turns as the memory
+/// of the device asks for; the bits are the same. It holds LeastMemory(call). Errors: those of the run.
+absl::StatusOr<ManifoldResult> RunManifolds(const ManifoldCall& call, const DeviceMemory& memory,
+                                            KernelRun* run);
 
 }  // namespace lumifold::filter

@@ -34,9 +34,7 @@ class OpenClFilterDevice final : public FilterDevice {
 
   std::string OtherBits() const override { return other_bits_; }
 
-  std::optional<std::vector<ManifoldResult>> Filter(absl::Span<const ManifoldCall> calls) override {
-    return Do(calls, RunManifolds);
-  }
+  std::optional<ManifoldResult> Filter(const ManifoldCall& call) override { return Do(call, RunManifolds); }
   std::optional<FitResult> Fit(const FitCall& call) override { return Do(call, RunFit); }
   std::optional<LayerResult> FilterLayer(const LayerCall& call) override { return Do(call, RunLayerCall); }
 

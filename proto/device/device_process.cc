@@ -69,29 +69,26 @@ class DeviceLink final : public filter::FilterDevice {
         on_trouble_(std::move(on_trouble)) {}
 
   std::string OtherBits() const override { return other_bits_; }
-  std::optional<std::vector<filter::ManifoldResult>> Filter(
-      absl::Span<const filter::ManifoldCall> calls) override {
+  std::optional<filter::ManifoldResult> Filter(const filter::ManifoldCall& call) override {
     absl::MutexLock lock(&mutex_);
-    return Ask(calls, [&] { return SendCalls(calls, &stream_); }, ReceiveResults);
+    return Ask<filter::ManifoldResult>(call, [&] { return SendCall(call, &stream_); });
   }
   std::optional<filter::FitResult> Fit(const filter::FitCall& call) override {
     absl::MutexLock lock(&mutex_);
-    return Ask<const filter::FitCall&>(call, [&] { return SendFit(call, &stream_); }, ReceiveResult);
+    return Ask<filter::FitResult>(call, [&] { return SendFit(call, &stream_); });
   }
   std::optional<filter::LayerResult> FilterLayer(const filter::LayerCall& call) override {
     absl::MutexLock lock(&mutex_);
-    return Ask<const filter::LayerCall&>(call, [&] { return SendLayer(call, &stream_); }, ReceiveResult);
+    return Ask<filter::LayerResult>(call, [&] { return SendLayer(call, &stream_); });
   }
 
  private:
-  template <typename Parameter, typename Send, typename Result>
-  std::optional<Result> Ask(Parameter call, const Send& send,
-                            std::optional<Result> (*receive)(Parameter, SocketStream*))
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+  template <typename Result, typename Call, typename Send>
+  std::optional<Result> Ask(const Call& call, const Send& send) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (has_failed_ || !CanSend(call)) return std::nullopt;
     std::optional<Result> result;
     const std::optional<bool> has_result = send() ? ReceiveHasResult(&stream_) : std::nullopt;
-    if (has_result.value_or(false)) result = receive(call, &stream_);
+    if (has_result.value_or(false)) result = ReceiveResult(call, &stream_);
     if (result.has_value()) return result;
     has_failed_ = has_result.value_or(true);
     if (has_failed_ || !std::exchange(has_left_, true)) on_trouble_();
@@ -114,9 +111,8 @@ class OwnDevice final : public filter::FilterDevice {
       : process_(std::move(process)), link_(process_->Link()) {}
 
   std::string OtherBits() const override { return link_->OtherBits(); }
-  std::optional<std::vector<filter::ManifoldResult>> Filter(
-      absl::Span<const filter::ManifoldCall> calls) override {
-    return link_->Filter(calls);
+  std::optional<filter::ManifoldResult> Filter(const filter::ManifoldCall& call) override {
+    return link_->Filter(call);
   }
   std::optional<filter::FitResult> Fit(const filter::FitCall& call) override { return link_->Fit(call); }
   std::optional<filter::LayerResult> FilterLayer(const filter::LayerCall& call) override {

@@ -120,9 +120,9 @@ class Service {
       return layer.has_value() &&
              Send(Watched([&] { return device_->FilterLayer(layer->View()); }), SendResult, stream);
     }
-    const std::optional<ReceivedCalls> calls = ReceiveCalls(stream);
-    return calls.has_value() &&
-           Send(Watched([&] { return device_->Filter(calls->View()); }), SendResults, stream);
+    const std::optional<ReceivedCall> call = ReceiveCall(stream);
+    return call.has_value() &&
+           Send(Watched([&] { return device_->Filter(call->View()); }), SendResult, stream);
   }
 
   /// No result: the device leaves the call; one that fails ends the process.

@@ -12,10 +12,10 @@
 namespace lumifold::device {
 namespace {
 
-std::optional<ReceivedCalls> Transfer(const std::vector<filter::ManifoldCall>& calls) {
-  return device::Transfer([&](SocketStream* to) { return SendCalls(calls, to); },
+std::optional<ReceivedCall> Transfer(const filter::ManifoldCall& call) {
+  return device::Transfer([&](SocketStream* to) { return SendCall(call, to); },
                           [&](SocketStream* from) {
-                            return ReceiveOperation(from) == Operation::kFilter ? ReceiveCalls(from)
+                            return ReceiveOperation(from) == Operation::kFilter ? ReceiveCall(from)
                                                                                 : std::nullopt;
                           });
 }
@@ -31,7 +31,7 @@ class CallMessages : public testing::Test {
             reach_,
             &points_};
   }
-  bool IsReceived() const { return Transfer({Call()}).has_value(); }
+  bool IsReceived() const { return Transfer(Call()).has_value(); }
 
   CallMessages() { filter::AddSignals(3, &points_); }
 
@@ -44,8 +44,8 @@ class CallMessages : public testing::Test {
 };
 
 TEST_F(CallMessages, ArriveAsTheyWere) {
-  const ReceivedCalls received = Present(Transfer({Call()}));
-  const filter::ManifoldCall call = received.View().front();
+  const ReceivedCall received = Present(Transfer(Call()));
+  const filter::ManifoldCall call = received.View();
   EXPECT_EQ(call.params.height, 3);
   EXPECT_TRUE(call.params.keeps_mass && call.params.is_first_order);
   EXPECT_EQ(call.reach, 5);
@@ -64,30 +64,6 @@ TEST_F(CallMessages, ArriveAsTheyWere) {
       EXPECT_EQ(call.features[3].At(x, y), input_.features[3].At(x, y));
     }
   }
-}
-
-TEST_F(CallMessages, OfSeveralCallsHaveEachPlaneOnce) {
-  const filter::ManifoldInput other = filter::MakeManifoldInput(19, 150, 1, true, 4);
-  filter::ManifoldCall second = Call();
-  second.signals = filter::ViewsOf(other.signals);
-  second.patches.scale = 2;
-  second.points = nullptr;
-  filter::ManifoldCall third = Call(), fourth = Call();
-  filter::SlicePoints placed = points_;  // the same ones of another half
-  placed.signals.front() += 1;
-  fourth.points = &placed;
-  const ReceivedCalls received = Present(Transfer({Call(), second, third, fourth}));
-  EXPECT_EQ(received.planes.size(), 3 + 4 + 1 + 3);
-  const std::vector<filter::ManifoldCall> calls = received.View();
-  ASSERT_EQ(calls.size(), 4);
-  EXPECT_EQ(calls[1].signals[0].At(3, 2), other.signals[0].At(3, 2));
-  EXPECT_EQ(calls[1].features[0].Row(0), calls[0].features[0].Row(0));
-  EXPECT_EQ(calls[1].patches.scale, 2);
-  EXPECT_EQ(calls[1].points, nullptr);
-  EXPECT_EQ(calls[2].points, calls[0].points);
-  EXPECT_EQ(calls[3].points->pixels, points_.pixels);
-  EXPECT_EQ(calls[3].points->features, points_.features);
-  EXPECT_EQ(calls[3].points->signals, placed.signals);
 }
 
 /// The process with the device is in no sandbox; the caller may be one that a malformed scene has taken over.
@@ -131,7 +107,7 @@ TEST_F(CallMessages, OfNoValidProjectionAreRefused) {
 
 /// Whatever comes is refused or valid, and kernels stay within what is received: 64 words hold no call.
 TEST_F(CallMessages, OfAnyWordsAreRefused) {
-  EXPECT_FALSE(AnyIsReceived([](SocketStream* from) { return ReceiveCalls(from).has_value(); }));
+  EXPECT_FALSE(AnyIsReceived([](SocketStream* from) { return ReceiveCall(from).has_value(); }));
 }
 
 }  // namespace

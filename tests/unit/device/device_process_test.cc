@@ -68,7 +68,7 @@ class Device : public testing::Test {
                                        params,
                                        16,
                                        nullptr};
-    return device.Filter({&call, 1}).has_value();
+    return device.Filter(call).has_value();
   }
   static void ExpectExpected(const Planes& found) {
     const Planes expected = Filter(nullptr, found[0].width(), found[0].height());
@@ -126,9 +126,8 @@ TEST_F(Device, InAProcessGivesTheBitsOfThisProcessorToAllWhoAsk) {
                                          params,
                                          5,
                                          &points};
-      const auto results = link->Filter({&call, 1});
-      ASSERT_TRUE(results.has_value());
-      const filter::ManifoldResult* const found = &results->front();
+      const auto found = link->Filter(call);
+      ASSERT_TRUE(found.has_value());
       const filter::ManifoldResult expected = filter::ManifoldFilterAtPoints(
           input.signals, input.features, input.mask.view(), params, 5, &points, nullptr);
       EXPECT_EQ(found->points.values, expected.points.values);

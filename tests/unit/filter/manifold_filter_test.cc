@@ -190,10 +190,8 @@ TEST(ManifoldFilter, IsTheSameInAnyMemoryOfADevice) {
           .sigma_s = 7, .height = height, .cell = 4, .keeps_mass = true, .is_first_order = fits};
       const ManifoldCall call = {
           ViewsOf(input.signals), {}, ViewsOf(input.features), input.mask.view(), params, 16, &points};
-      const DeviceMemory least = LeastMemory({&call, 1});
-      const auto run = [&](const DeviceMemory& memory) {
-        return std::move(FilterOracle({&call, 1}, memory).front());
-      };
+      const DeviceMemory least = LeastMemory(call);
+      const auto run = [&](const DeviceMemory& memory) { return FilterOracle(call, memory); };
       const ManifoldResult whole = run({});
       for (const uint64_t percent : {100, 115, 140, 200}) {
         const ManifoldResult small = run({least.whole * percent / 100, least.largest * percent / 100});

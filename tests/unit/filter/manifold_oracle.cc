@@ -178,8 +178,8 @@ class OracleDevice final : public FilterDevice {
   explicit OracleDevice(bool is_small) : is_small_(is_small) {}
 
   std::string OtherBits() const override { return ""; }
-  std::optional<std::vector<ManifoldResult>> Filter(absl::Span<const ManifoldCall> calls) override {
-    return FilterOracle(calls, is_small_ ? LeastMemory(calls) : DeviceMemory{});
+  std::optional<ManifoldResult> Filter(const ManifoldCall& call) override {
+    return FilterOracle(call, is_small_ ? LeastMemory(call) : DeviceMemory{});
   }
   std::optional<FitResult> Fit(const FitCall& call) override {
     const DeviceMemory memory = is_small_ ? LeastMemory(call) : DeviceMemory{};
@@ -202,12 +202,12 @@ ManifoldResult ManifoldFilterOracle(const Planes& signals, const Planes& feature
                                     const ManifoldParams& params, float reach, const SlicePoints* points,
                                     const DeviceMemory& memory) {
   const ManifoldCall call = {ViewsOf(signals), {}, ViewsOf(features), mask, params, reach, points};
-  return std::move(FilterOracle({&call, 1}, memory).front());
+  return FilterOracle(call, memory);
 }
 
-std::vector<ManifoldResult> FilterOracle(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory) {
+ManifoldResult FilterOracle(const ManifoldCall& call, const DeviceMemory& memory) {
   RunInCpp run(memory);
-  return *RunManifolds(calls, memory, &run);
+  return *RunManifolds(call, memory, &run);
 }
 
 std::unique_ptr<TaskPool> PoolWithOracle(bool is_small) {

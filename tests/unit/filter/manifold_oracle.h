@@ -1,9 +1,7 @@
 #pragma once
 
 #include <memory>
-#include <vector>
 
-#include "absl/types/span.h"
 #include "filter/image/planes.h"
 #include "filter/manifold/filter_device.h"
 #include "filter/manifold/manifold_filter.h"
@@ -19,7 +17,7 @@ ManifoldResult ManifoldFilterOracle(const Planes& signals, const Planes& feature
                                     const DeviceMemory& memory = {});
 
 /// FilterDevice::Filter by the same.
-std::vector<ManifoldResult> FilterOracle(absl::Span<const ManifoldCall> calls, const DeviceMemory& memory);
+ManifoldResult FilterOracle(const ManifoldCall& call, const DeviceMemory& memory);
 
 /// A pool whose device does all that devices do by the same; in as little memory as it can where it
 /// `is_small`.

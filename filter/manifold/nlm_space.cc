@@ -17,6 +17,8 @@ namespace {
 /// Patches the covariance is taken over, about: enough for some hundred dimensions, few enough to cost
 /// little.
 constexpr int kLatticePatches = 6000;
+/// So many stay in the first cache while their products are added.
+constexpr size_t kPatchesAtATime = 48;
 /// Axes that are iterated beside those that are asked for: the last of these converge faster.
 constexpr int kSpareAxes = 4;
 constexpr int kIterations = 12;
@@ -60,16 +62,20 @@ void CopyPatch(const Planes& color, const std::vector<float>& window, int radius
 /// sums[i * size + j]. `size`: of a patch with what is behind it, padded.
 void AddProducts(const Planes& color, ConstFloatView mask, const PatchLattice& lattice, size_t first,
                  size_t last, size_t size, float* sums) {
-  std::vector<float> patches;
+  std::vector<float> patches(kPatchesAtATime * size);
   size_t count = 0;
+  const auto add = [&] {
+    AddFitRows({patches.data(), patches.data(), count, size, 0, size}, sums);
+    count = 0;
+  };
   for (size_t row = first; row < last; ++row) {
     for (const int x : lattice.columns) {
       if (!(mask.At(x, lattice.rows[row]) > 0)) continue;
-      patches.resize(++count * size);
-      CopyPatch(color, lattice.window, lattice.radius, x, lattice.rows[row], &patches[(count - 1) * size]);
+      CopyPatch(color, lattice.window, lattice.radius, x, lattice.rows[row], &patches[count * size]);
+      if (++count == kPatchesAtATime) add();
     }
   }
-  AddFitRows({patches.data(), patches.data(), count, size, 0, size}, sums);
+  add();
 }
 
 Eigen::MatrixXd CovarianceOf(const PatchProducts& products) {

@@ -378,7 +378,7 @@ int Serve(lumifold::server::ServerOptions options, const sigset_t& end_signals, 
       return kExitFailure;
     }
     options.listen = absl::StrCat(host, ":", (*server)->port());
-    if (std::exchange(is_first, false)) std::cout << "listening on " << options.listen << std::endl;
+    if (std::exchange(is_first, false)) std::cout << "listening on " << options.listen << '\n' << std::flush;
     manager->Ready(absl::StrCat("listening on ", options.listen));
     const int received = AwaitSignal(**server, end_signals, manager);
     options.log->info("event=stopping signal={}", received);

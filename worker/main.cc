@@ -364,8 +364,9 @@ int RunWorkerProcess(const Flags& flags) {
   const absl::StatusOr<Target> target = FindTarget(flags, profiles);
   if (!target.ok()) return Fail(target.status());
   const absl::Status has_cache = PrepareAssetCache(flags, *target);
-  const auto metrics = ListenForMetrics(flags);
-  if (!metrics.ok()) return Fail(metrics.status());
+  const auto listens = ListenForMetrics(flags);
+  if (!listens.ok()) return Fail(listens.status());
+  const std::optional<lumifold::monitoring::EndpointSockets>& metrics = *listens;
   const auto rest_reason = MakeRestReason(flags.times);
   if (!rest_reason.ok()) return Fail(rest_reason.status());
   const absl::StatusOr<uint64_t> memory_bytes = FindMemory(flags);
@@ -384,7 +385,7 @@ int RunWorkerProcess(const Flags& flags) {
   device_log = log;
   LogSandbox(flags, *sandboxed, *log);
   LogStart(flags, *target, *memory_bytes, has_cache, *device, *log);
-  if (metrics->has_value()) log->info("event=metrics address={}", (*metrics)->address);
+  if (metrics.has_value()) log->info("event=metrics address={}", metrics->address);
   const lumifold::worker::CertificateRenewal renewal({.profiles = profiles,
                                                       .profile = target->profile,
                                                       .wall_now = lumifold::identity::ValidityClock,
@@ -407,7 +408,7 @@ int RunWorkerProcess(const Flags& flags) {
       .check_identity = [&renewal] { return renewal.CheckNotExpired(); },
       .exit_when_idle = absl::Seconds(flags.times.exit_when_idle_seconds),
       .alive = [&manager] { manager.Alive(); },
-      .metrics = metrics->has_value() ? &**metrics : nullptr,
+      .metrics = metrics.has_value() ? &*metrics : nullptr,
   };
   const absl::Status status = Work(*target, options);
   manager.Stopping();

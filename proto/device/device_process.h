@@ -23,7 +23,7 @@ struct DeviceProcessOptions {
   /// User that the process becomes if this one is root; empty: it stays.
   std::string user = {};
   /// Within which the device has to be opened, and to do the work of one call, the compilation of its kernels
-  /// included. PoCL on two cores compiles in 15 s and filters a block in 30 s.
+  /// included. PoCL on two cores compiles in 15 s and filters a layer of a block in 30 s.
   absl::Duration time_limit = DefaultTimeLimit();
   /// Receives one line about a device that fails; from any thread.
   std::function<void(const std::string& line)> warn = [](const std::string&) {};

@@ -274,7 +274,7 @@ double Total(const Plane& plane, ConstFloatView weight, TaskPool* pool) {
   });
 }
 
-/// That of the layer's outliers.
+/// SharedPartOfAll() of the layer's outliers.
 float PartOfAll(const std::array<Planes, 2>& removed, const Halves& halves, TaskPool* pool) {
   const ConstFloatView weight = halves.weight.view();
   Plane square(weight.width(), weight.height());

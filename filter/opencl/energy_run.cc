@@ -16,7 +16,6 @@ using Buffer = KernelRun::Buffer;
 
 constexpr uint64_t kSignals = 8;      // as energy.cl has them
 constexpr uint64_t kLightPlanes = 5;  // those of LightAndRemoved
-constexpr uint64_t kEnergyPlanes = 6;
 
 ManifoldParams ParamsOf(const LayerCall& call, const RemovedLight& removed) {
   return {.sigma_s = call.reach_px, .height = removed.spread_height};

@@ -1,11 +1,16 @@
 #pragma once
 
+#include <cstdint>
+
 #include "absl/status/status.h"
 #include "filter/manifold/layer_call.h"
 #include "filter/opencl/kernel_run.h"
 #include "filter/opencl/layer_planes.h"
 
 namespace lumifold::filter {
+
+/// Of pixels: three of each half.
+inline constexpr uint64_t kEnergyPlanes = 6;
 
 /// What RunEnergy needs at least, beside its buffers.
 DeviceMemory EnergyNeed(const LayerCall& call, const RemovedLight& removed, const LayerSizes& sizes);

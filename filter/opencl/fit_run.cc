@@ -72,8 +72,6 @@ class FitRun {
   }
 
  private:
-  static int32_t Int(uint64_t count) { return static_cast<int32_t>(count); }
-
   /// The models of some centres, from the model `to` on.
   void Fit(uint64_t count, uint64_t from, Buffer centres, uint64_t to, Buffer models) {
     run_.Run("FitSums", count * static_cast<uint64_t>(fit_.shape.terms),

@@ -66,6 +66,23 @@ inline DeviceMemory Together(std::initializer_list<uint64_t> floats) {
   return need;
 }
 
+/// What is left of memory.
+inline DeviceMemory Less(DeviceMemory memory, const DeviceMemory& taken) {
+  memory.whole -= std::min(memory.whole, taken.whole);
+  return memory;
+}
+/// Both at the same time.
+inline DeviceMemory More(const DeviceMemory& need, const DeviceMemory& other) {
+  return {need.whole + other.whole, std::max(need.largest, other.largest)};
+}
+/// Extends `all` to what either needs.
+inline void Extend(const DeviceMemory& need, DeviceMemory* all) {
+  *all = {std::max(all->whole, need.whole), std::max(all->largest, need.largest)};
+}
+
+/// A count as kernels have it.
+inline int32_t Int(uint64_t count) { return static_cast<int32_t>(count); }
+
 /// One use of the kernels: memory, and work in the order of the calls. After an error the calls do nothing.
 /// Threads: one.
 class KernelRun {

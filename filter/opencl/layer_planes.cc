@@ -19,14 +19,6 @@ LayerSizes::LayerSizes(const LayerCall& call) {
   kinds = points > 0 ? kMostKinds : call.halves.is_mixed.IsEmpty() ? 1 : kMixedKind + 1;
 }
 
-DeviceMemory Less(DeviceMemory memory, const DeviceMemory& taken) {
-  memory.whole -= std::min(memory.whole, taken.whole);
-  return memory;
-}
-DeviceMemory More(DeviceMemory memory, const DeviceMemory& other) {
-  return {memory.whole + other.whole, std::max(memory.largest, other.largest)};
-}
-
 LayerPlanes::LayerPlanes(const LayerCall& call, const LayerSizes& of, KernelRun* with)
     : sizes(of), run(*with) {
   noisy = run.Floats(LayerSizes::kPicturePlanes * sizes.sites);

@@ -21,11 +21,6 @@ struct LayerSizes {
   int32_t kinds = 1;      // of pixels that are compared apart
 };
 
-DeviceMemory Less(DeviceMemory memory, const DeviceMemory& taken);
-DeviceMemory More(DeviceMemory memory, const DeviceMemory& other);
-
-inline int32_t Int(uint64_t count) { return static_cast<int32_t>(count); }
-
 /// What is there of each point; they are in runs, as choice.cl has them.
 struct PointLists {
   uint64_t runs = 0;

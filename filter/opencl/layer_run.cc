@@ -24,7 +24,6 @@ namespace {
 using Buffer = KernelRun::Buffer;
 
 constexpr uint64_t kPicture = LayerSizes::kPicturePlanes;
-constexpr uint64_t kEnergyPlanes = 6;
 
 PatchLattice LatticeOf(const LayerSizes& sizes, const GuidedHalves& halves) {
   return {sizes.grid.width, sizes.grid.height, 3, halves.patches.radius};
@@ -147,8 +146,8 @@ class LayerRun {
     if (dimensions > 0) {
       const Buffer color = Stabilised(picture, h);
       run_.Use(sizes.options);
-      ProjectPatches(sizes.grid, {3, basis.dimensions, basis.radius, scale, basis.kernels}, color, features,
-                     &run_);
+      ProjectPatches(sizes.grid, {{}, basis.radius, basis.dimensions, basis.kernels, scale}, 3, color,
+                     features, &run_);
       run_.Release(color);
       run_.Run("ShareFeatures", dimensions * sizes_.points,
                {sizes.grid, basis.dimensions, layer_.points.places, features});
@@ -205,7 +204,7 @@ class LayerRun {
           run_.Use(LayerProgram{});
           run_.Run("TakeFiltered", sizes_.sites,
                    {sizes_.grid, Int(h), base.has_value() ? 1 : 0, layer_.points.shares[h], sites.found,
-                    sites.signals, sites.planes, base.value_or(to), to});
+                    signals, sites.planes, base.value_or(to), to});
           run_.Run("MeanOfPoints", layer_.points.runs,
                    {sizes_.grid, Int(h), Int(layer_.points.runs), layer_.points.firsts, layer_.points.places,
                     layer_.points.coverage[h], to});

@@ -16,8 +16,6 @@ namespace {
 
 using Buffer = KernelRun::Buffer;
 
-int32_t Int(size_t count) { return static_cast<int32_t>(count); }
-
 /// One filtering; its work is in the order of the members. Leaves no memory behind.
 class ManifoldRun {
  public:
@@ -41,7 +39,7 @@ class ManifoldRun {
     WeighSites();
     SplatBlurSlice();
     if (absl::Status status = run_.Finish(); !status.ok()) return status;
-    return FilteredSites{blurred_.planes, call_.signals, blurred_.found};
+    return FilteredSites{blurred_.planes, blurred_.found};
   }
 
  private:
@@ -295,9 +293,7 @@ class CallPlanes {
     const Buffer color = run_.Floats(patches.color.size() * sizes_.pixels);
     for (size_t c = 0; c < patches.color.size(); ++c)
       run_.WritePlane(patches.color[c], color, c * sizes_.pixels * sizeof(float));
-    filter::ProjectPatches(
-        sizes_.grid, {patches.color.size(), patches.dimensions, patches.radius, patches.scale, patches.taps},
-        color, features, &run_);
+    filter::ProjectPatches(sizes_.grid, patches, patches.color.size(), color, features, &run_);
     run_.Release(color);
   }
 
@@ -334,17 +330,12 @@ absl::StatusOr<ManifoldResult> ResultOf(const ManifoldCall& call, const Filtered
 
 }  // namespace
 
-void Extend(const DeviceMemory& need, DeviceMemory* all) {
-  *all = {std::max(all->whole, need.whole), std::max(all->largest, need.largest)};
-}
-
-void ProjectPatches(const Grid& grid, const ProjectedPatches& patches, Buffer color, Buffer features,
-                    KernelRun* run) {
+void ProjectPatches(const Grid& grid, const PatchProjection& patches, size_t channels, Buffer color,
+                    Buffer features, KernelRun* run) {
   const auto pixels = static_cast<size_t>(grid.width) * static_cast<size_t>(grid.height);
   const Buffer taps = run->Upload(patches.taps);
   run->Run("Project", static_cast<size_t>(patches.dimensions) * pixels,
-           {grid, Int(patches.channels), patches.dimensions, patches.radius, patches.scale, color, taps,
-            features});
+           {grid, Int(channels), patches.dimensions, patches.radius, patches.scale, color, taps, features});
   run->Release(taps);
 }
 

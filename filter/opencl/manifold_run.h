@@ -21,9 +21,6 @@ DeviceMemory LeastMemory(const ManifoldCall& call);
 /// What RunManifolds takes of so much memory.
 DeviceMemory TakenMemory(const ManifoldCall& call, const DeviceMemory& memory);
 
-/// Extends `all` to what either needs.
-void Extend(const DeviceMemory& need, DeviceMemory* all);
-
 /// A filtering whose planes of sites are on the device. Masks of points are 0.
 struct SiteFiltering {
   const ManifoldSizes& sizes;
@@ -36,7 +33,7 @@ struct SiteFiltering {
 
 /// What a filtering leaves on the device: planes of sites of the result, and what each point found.
 struct FilteredSites {
-  KernelRun::Buffer planes, signals, found;
+  KernelRun::Buffer planes, found;
 };
 
 /// The program of the filtering runs; `use` gets its result, which stays until `use` returns. Errors: those
@@ -44,16 +41,10 @@ struct FilteredSites {
 absl::Status RunFiltering(const SiteFiltering& filtering, const DeviceMemory& memory, KernelRun* run,
                           absl::FunctionRef<absl::Status(const FilteredSites&)> use);
 
-/// The features of sites that are coordinates of patches: the first `dimensions` planes of `features`. The
-/// program is that of a filtering. `color`: planes of pixels.
-struct ProjectedPatches {
-  size_t channels;
-  int dimensions, radius;
-  float scale;
-  absl::Span<const float> taps;
-};
-void ProjectPatches(const Grid& grid, const ProjectedPatches& patches, KernelRun::Buffer color,
-                    KernelRun::Buffer features, KernelRun* run);
+/// The features of sites that are coordinates of patches: the first planes of `features`. The program is that
+/// of a filtering. `color`: `channels` planes of pixels, in place of those of `patches`.
+void ProjectPatches(const Grid& grid, const PatchProjection& patches, size_t channels,
+                    KernelRun::Buffer color, KernelRun::Buffer features, KernelRun* run);
 
 /// A picture as planes of sites.
 struct SiteCounts {
